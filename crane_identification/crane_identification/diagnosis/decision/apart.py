@@ -12,11 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.cross_validation import (
-    Folds,
-    held_out_gains,
-    helps,
-)
+from crane_identification.diagnosis.decision.cross_validation import Folds, held_out_gains, helps
 from crane_identification.diagnosis.decision.judgement import folds_asked, found_values
 from crane_identification.diagnosis.decision.shape import chance_of
 from crane_identification.diagnosis.search.candidates import ShapedCandidate

@@ -132,10 +132,17 @@ def held_out_error(fit: Fitted, search: Search, effects: Sequence[Judged]) -> np
     """Error (j,) of the model with the effects on the held-out rows where training went, relative
     to the force.
     """
+    rows = where_trained(fit.evidence, fit.held_out)
+    return relative(rows, left_held_out(fit, search, effects))
+
+
+def left_held_out(fit: Fitted, search: Search, effects: Sequence[Judged]) -> np.ndarray:
+    """What the model with the effects leaves of the held-out recordings (n, c), each with a load
+    of its own.
+    """
     model, _ = extended(search, fit.before, effects, fit.training)
     carried, _ = with_own_loads(model, fit.evidence, fit.held_out)
-    rows = where_trained(fit.evidence, fit.held_out)
-    return relative(rows, residual(fit.held_out, carried))
+    return residual(fit.held_out, carried)
 
 
 def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> str:
@@ -195,9 +202,7 @@ def nearest(fit: Fitted, search: Search, effects: Sequence[Judged], objection: s
     before, held_out = fit.before, fit.held_out
     old = relative(held_out, residual(held_out, before))
     try:
-        after, _ = extended(search, before, effects, fit.training)
-        carried, _ = with_own_loads(after, fit.evidence, held_out)
-        new = relative(held_out, residual(held_out, carried))
+        new = relative(held_out, left_held_out(fit, search, effects))
     except UndeterminedError:
         new = np.full_like(old, np.nan)
     left = left_share(search, [one.shaped for one in effects])

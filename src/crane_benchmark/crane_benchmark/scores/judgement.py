@@ -162,15 +162,14 @@ def _of_twins(
     known = {(effect, "telescope") for effect in TWINS}
     classes = [set(members) for members in answer.findings if set(members) & known]
     further = [members for members in answer.findings if not set(members) & known]
-    meant = [any(_same(one, place) for one in own for place in hidden) for own in further]
-    if len(classes) != 1 or not all(meant):
+    laws = [[any(_same(one, place) for place in hidden) for one in own] for own in further]
+    if len(classes) != 1 or not all(map(any, laws)):
         return Judgement.WRONG_NAME
     found = classes[0]
     if len(found & known) < 2:
         return Judgement.WRONG_NAME  # picks one where nothing tells them apart
     alike = all(twin(0, one) for one in found - known)
-    alone = all(_same(one, place) for own in further for one in own for place in hidden)
-    return Judgement.RIGHT if alike and alone else Judgement.TOO_WIDE
+    return Judgement.RIGHT if alike and all(map(all, laws)) else Judgement.TOO_WIDE
 
 
 def _named(

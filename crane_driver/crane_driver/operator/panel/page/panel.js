@@ -4,7 +4,6 @@
 const SILENCE = 1000; // ms without a picture, after which the line is lost; ten come a second
 const RETRY = 1000; // ms
 const PATIENCE = 1000; // ms for an answer
-const LOST = "LOST"; // title of a page without a line
 const NO_LINE_TO_SPARE = 1013; // why a line is closed at once: too many pages are live
 // The number of DriverState.msg: what a colour says of the word beside it.
 const TONES = { 3: "calm", 4: "live", 5: "alarm", 6: "alarm" };
@@ -41,30 +40,21 @@ function connect() {
   };
   line.onclose = (event) => {
     if (line === socket) lose(event.reason, event.code === NO_LINE_TO_SPARE);
-    // a page that was held up has given the line up for its silence before it reads why
-    else if (event.reason && document.title === LOST) explain(event.reason);
+    // given up for its silence before this page, held up, reads why: the next try that fails says it
+    else if (!live) why = event.reason || why;
   };
-}
-
-function seen() {
-  return last ? ` What you see is of ${last}.` : "";
-}
-
-function explain(reason) {
-  why = reason || why;
-  $("loss").textContent =
-    `The line to the panel is lost${why && `: ${why}`}.${seen()} Stop does not work from here: use the machine’s emergency stop.`;
 }
 
 // Where it was refused a live line, the panel is there and Stop works without one.
 function lose(reason, refused) {
   socket = null;
   document.body.classList.add("lost");
-  if (refused) {
-    why = "";
-    $("loss").textContent = `This page is not live: ${reason}.${seen()} Stop works from here, too.`;
-  } else explain(reason);
-  document.title = refused ? "NOT LIVE" : LOST;
+  const since = last ? ` What you see is of ${last}.` : "";
+  why = refused ? "" : reason || why;
+  $("loss").textContent = refused
+    ? `This page is not live: ${reason}.${since} Stop works from here, too.`
+    : `The line to the panel is lost${why && `: ${why}`}.${since} Stop does not work from here: use the machine’s emergency stop.`;
+  document.title = refused ? "NOT LIVE" : "LOST";
   if (live) {
     Object.values(waiting).forEach(clearTimeout);
     waiting = {};
