@@ -1,6 +1,7 @@
 """Where, and with which period, a motion repeats itself: a reference, or measured positions."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -94,7 +95,8 @@ def detect_periodicity(
 
 def _found(motion: Repetition) -> Periodicity:
     best: Agreement | None = None
-    for lag in _candidates(motion, REPEATS):
+    compared = _compared(motion)
+    for lag in _candidates(compared, REPEATS):
         one = agreement(motion, lag)
         if one is None or one.last - one.first < SEEN * one.lag or one.difference > REPEATS:
             continue
@@ -104,7 +106,7 @@ def _found(motion: Repetition) -> Periodicity:
             break
     if best is not None:
         return _periodicity(motion, best, best.lag * motion.step)
-    lag, difference = _closest(motion)
+    lag, difference = _closest(motion, compared)
     raise DataError(
         f"the motion does not repeat within its {_duration(motion):.4g} s: where it comes closest, "
         f"after {lag * motion.step:.4g} s, it still differs by {difference:.0%} of its rms; record "
@@ -151,22 +153,32 @@ def _checked(motion: Repetition, period: float) -> Periodicity:
     )
 
 
-def _candidates(motion: Repetition, within: float) -> list[float]:
+class _Compared(NamedTuple):
+    """A motion with itself later: `lags` (l,) past the first rise, the least difference (l,) at
+    each, and what `one_step` makes.
+    """
+
+    lags: np.ndarray
+    difference: np.ndarray
+    one_step: float
+
+
+def _candidates(compared: _Compared, within: float) -> list[float]:
     """Lags at which the motion comes closest to itself, ascending, past the first rise.
 
     Closer than `within`, as a share of its rms, over one period somewhere: approach and stop,
     however long, do not shift the minimum.
     """
-    lags, difference, one_step = _differences(motion)
+    lags, difference, one_step = compared
     inner = difference[1:-1]
     lowest = (inner <= difference[:-2]) & (inner <= difference[2:])
     found = np.flatnonzero(lowest & (inner <= within + one_step)) + 1
     return lags[found].tolist()
 
 
-def _closest(motion: Repetition) -> tuple[float, float]:
+def _closest(motion: Repetition, compared: _Compared) -> tuple[float, float]:
     """Lag at which the motion comes closest to itself, and by how much it then differs."""
-    lags, difference, _ = _differences(motion)
+    lags, difference, _ = compared
     if not len(lags):
         return float(motion.samples - 1), 1.0
     return float(lags[difference.argmin()]), float(min(difference.min(), 1.0))
@@ -189,8 +201,7 @@ def _gap_at_the_ends(motion: Repetition) -> float:
     return float(np.linalg.norm(ahead) / rms)
 
 
-def _differences(motion: Repetition) -> tuple[np.ndarray, np.ndarray, float]:
-    """Lags past the first rise, the least difference at each, and what one step makes."""
+def _compared(motion: Repetition) -> _Compared:
     thin = -(-motion.samples // SEARCHED)
     coarse = replace(motion, signal=motion.signal[::thin])
     lags = np.arange(1, int(LONGEST * coarse.samples))
@@ -198,7 +209,7 @@ def _differences(motion: Repetition) -> tuple[np.ndarray, np.ndarray, float]:
     risen = int(np.argmax(difference > 0.5 * np.minimum(difference, 1.0).mean()))
     power = 2.0 * (coarse.signal**2).sum(axis=1).mean()
     step = np.sqrt((np.diff(coarse.signal, axis=0) ** 2).sum(axis=1).mean() / power)
-    return lags[risen:] * thin, difference[risen:], float(step)
+    return _Compared(lags[risen:] * thin, difference[risen:], float(step))
 
 
 def _periodicity(motion: Repetition, part: Agreement, period: float) -> Periodicity:

@@ -19,8 +19,8 @@ def cylinder_geometry(machine: Machine, joint: str, q: Array) -> tuple[Array, Ar
     q = np.asarray(q, dtype=float)
     flat = q.ravel()
     values = machine.cylinder(joint, flat)
-    bad = ~np.isfinite(values).all(axis=1)
-    if bad.any():
+    if not np.isfinite(values).all():
+        bad = ~np.isfinite(values).all(axis=1)
         limits = machine.limits[joint]
         raise RangeError(
             f"{joint}: the linkage cannot be assembled at q = {flat[bad][0]:.6g} "

@@ -7,6 +7,7 @@ stands. A joint whose load stays below breakaway therefore stands exactly still.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -59,23 +60,23 @@ def simulate(
     step = period / substeps
     inputs = _Inputs(drive, beside or {}, period)
     q, v = np.array(position, dtype=float), np.array(velocity, dtype=float)
-    now = _Instant(model, inputs, 0.0)
-    begun = {term: term.start(now.record(q, v), model.setting) for term in model.terms}
+    now = _Instant(model, inputs, 0.0, q, v)
+    begun = {term: term.start(now.record, model.setting) for term in model.terms}
     begun |= dict(memory or {})
     states = {term: state for term, state in begun.items() if state.shape[1]}
-    _check_inertia(model, _split(now, states, q, v)[0])
+    _check_inertia(model, _split(now, states)[0])
     course = [(q, v, np.zeros_like(v))]
     for k in range(1, len(drive)):
         start = v
         for i in range(substeps):
-            middle = _Instant(model, inputs, k - 1 + (i + 0.5) / substeps)
-            after = _Instant(model, inputs, k - 1 + (i + 1) / substeps)
-            v_half = _next_velocity(now, states, q, v, v, step / 2)
+            v_half = _next_velocity(now, states, v, step / 2)
             q_half = q + step / 4 * (v + v_half)
-            half = _advanced(states, (now, q, v), (middle, q_half, v_half))
-            v_next = _next_velocity(middle, half, q_half, v_half, v, step)
+            middle = _Instant(model, inputs, k - 1 + (i + 0.5) / substeps, q_half, v_half)
+            half = _advanced(states, now, middle)
+            v_next = _next_velocity(middle, half, v, step)
             q_next = q + step / 2 * (v + v_next)
-            states = _advanced(states, (now, q, v), (after, q_next, v_next))
+            after = _Instant(model, inputs, k - 1 + (i + 1) / substeps, q_next, v_next)
+            states = _advanced(states, now, after)
             q, v, now = q_next, v_next, after
         course.append((q, v, (v - start) / period))
     positions, velocities, accelerations = (np.stack(parts) for parts in zip(*course, strict=True))
@@ -86,16 +87,14 @@ def simulate(
 
 
 def _advanced(
-    states: dict[Term, Array],
-    before: tuple["_Instant", Array, Array],
-    after: tuple["_Instant", Array, Array],
+    states: dict[Term, Array], before: "_Instant", after: "_Instant"
 ) -> dict[Term, Array]:
     """States of all terms that have some, one step on."""
-    if not states:
-        return states
-    begin, end = (instant.record(q, v) for instant, q, v in (before, after))
-    setting = before[0].model.setting
-    return {term: term.advance(state, begin, end, setting) for term, state in states.items()}
+    setting = before.model.setting
+    return {
+        term: term.advance(state, before.record, after.record, setting)
+        for term, state in states.items()
+    }
 
 
 @dataclass(frozen=True)
@@ -122,59 +121,56 @@ class _Inputs:
 
 
 class _Instant:
-    """Everything that acts on the runs at one instant, and records of motion under it."""
+    """The N runs in a state at one instant, all that acts on them, and records of motion there."""
 
-    def __init__(self, model: Model, inputs: _Inputs, at: float):
-        self.model = model
-        self.drive = inputs.value(inputs.drive, at)
+    def __init__(self, model: Model, inputs: _Inputs, at: float, q: Array, v: Array):
+        self.model, self.q, self.v = model, q, v
         self._inputs, self._at = inputs, at
-        self._rate = inputs.rate(inputs.drive, at)
-        time = {"time": np.full(len(self.drive), at * inputs.period)}  # unless it is given
+        self._arms = _lever_arms(model, q)
+        self.force = inputs.value(inputs.drive, at) * self._arms
+        time = {"time": np.full(len(q), at * inputs.period)}  # unless it is given
         self._beside = time | {name: inputs.value(each, at) for name, each in inputs.beside.items()}
 
-    def _drive_at(self, lead: float) -> Array:
-        """The drive `lead` [s] later."""
-        return self._inputs.value_within(self._inputs.drive, self._at + lead / self._inputs.period)
+    @cached_property
+    def record(self) -> Record:
+        """The runs in free motion."""
+        return self.moved(np.zeros_like(self.v))
 
-    def record(
+    def moved(
         self,
-        q: Array,
-        v: Array,
-        acceleration: Array | None = None,
+        acceleration: Array,
         direction: Array | None = None,
         memory: Mapping[Term, Array] | None = None,
     ) -> Record:
-        """The N runs in a state, stacked as often as `acceleration` (cases N, j) asks for."""
-        cases = 1 if acceleration is None else len(acceleration) // len(q)
-        arms = _lever_arms(self.model, q)
+        """The runs, stacked as often as `acceleration` (cases N, j) asks for."""
+        cases = len(acceleration) // len(self.q)
 
         def stacked(values: Array) -> Array:
             return np.concatenate([values] * cases)
 
+        def force_at(lead: float) -> Array:
+            at = self._at + lead / self._inputs.period
+            return stacked(self._inputs.value_within(self._inputs.drive, at) * self._arms)
+
         return Record(
             joints=self.model.joints,
-            position=stacked(q),
-            velocity=stacked(v),
-            acceleration=np.zeros_like(v) if acceleration is None else acceleration,
+            position=stacked(self.q),
+            velocity=stacked(self.v),
+            acceleration=acceleration,
             direction_known=direction,
-            force=stacked(self.drive * arms),
-            force_rate=stacked(self._rate * arms),
-            force_at=lambda lead: stacked(self._drive_at(lead) * arms),
+            force=stacked(self.force),
+            force_rate=stacked(self._inputs.rate(self._inputs.drive, self._at) * self._arms),
+            force_at=force_at,
             memory={term: stacked(state) for term, state in (memory or {}).items()},
             **{name: stacked(values) for name, values in self._beside.items()},
         )
 
 
 def _next_velocity(
-    at: _Instant,
-    memory: Mapping[Term, Array],
-    q: Array,
-    v: Array,
-    v_start: Array,
-    step: float,
+    at: _Instant, memory: Mapping[Term, Array], v_start: Array, step: float
 ) -> Array:
-    """v_start + step M^-1 (load - dry s) with s in Sgn(result); M and load at (q, v)."""
-    mass, load, dry = _split(at, memory, q, v)
+    """v_start + step M^-1 (load - dry s) with s in Sgn(result); M and load at the instant."""
+    mass, load, dry = _split(at, memory)
     inverse = _inverse(at.model, mass)
     free = v_start + step * np.einsum("nij,nj->ni", inverse, load)
     return with_dry_friction(free, step * inverse, np.maximum(dry, 0.0))
@@ -203,15 +199,13 @@ def _check_inertia(model: Model, mass: Array) -> None:
             )
 
 
-def _split(
-    at: _Instant, memory: Mapping[Term, Array], q: Array, v: Array
-) -> tuple[Array, Array, Array]:
+def _split(at: _Instant, memory: Mapping[Term, Array]) -> tuple[Array, Array, Array]:
     """M, load and dry of drive - model = load - M a - dry s, from one evaluation of the model.
 
     It is evaluated on j + 2 stacked cases of a and s, the directions of motion. Being linear in
     acceleration and in the direction of motion is all that is asked of a term.
     """
-    runs, joints = q.shape
+    runs, joints = at.q.shape
     cases = joints + 2
     acceleration = np.zeros((cases, runs, joints))
     direction = np.zeros((cases, runs, joints))
@@ -219,12 +213,10 @@ def _split(
         acceleration[j, :, j] = 1.0
     direction[-1] = 1.0
     both = acceleration.reshape(-1, joints), direction.reshape(-1, joints)
-    record = at.record(q, v, *both, memory)
-    assert record.force is not None  # it is the drive
-    force = at.model.predict(record).reshape(cases, runs, joints)
+    force = at.model.predict(at.moved(*both, memory)).reshape(cases, runs, joints)
     rest = force[-2]
     mass = (force[:joints] - rest).transpose(1, 2, 0)
-    return mass, record.force[:runs] - rest, force[-1] - rest
+    return mass, at.force - rest, force[-1] - rest
 
 
 def _lever_arms(model: Model, q: Array) -> Array:

@@ -19,7 +19,6 @@ from crane_model.record import Record
 
 OPEN_TURNING = 0.15
 """As `OPEN` close to reversals, which are shorter than what the filter sees."""
-TOGETHER = 64  # samples that are looked through at once
 CYCLES = 12  # length of the response, in rows that are kept
 STOP_BAND = 6.0  # shape of the Kaiser window: 60 dB
 
@@ -69,26 +68,11 @@ class Run:
         return ndimage.maximum_filter1d(flags.astype(np.uint8), size, axis=0)[self.kept] > 0
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
-        """(samples, j, k) to gated rows (n, channels, k); columns of zeros cost nothing."""
-        zones = self.gate.shape[1] // columns.shape[1]
-        out = np.zeros((len(self.kept), self.gate.shape[1], columns.shape[2]))
-        there = acting(columns)
-        for zone in range(zones):
-            part = slice(zone * columns.shape[1], (zone + 1) * columns.shape[1])
-            gate = self.gate[:, part][:, np.nonzero(there)[0]]
-            out[:, part][:, there] = thinned(columns[:, there] * gate, self.factor)
-        return out
-
-
-def acting(columns: np.ndarray) -> np.ndarray:
-    """(...): which columns of (samples, ...) are not all zero; many samples side by side, since of
-    short rows numpy asks each by itself.
-    """
-    rows, width = len(columns) // TOGETHER, int(np.prod(columns.shape[1:]))
-    flat = columns.reshape(len(columns), width)
-    wide = flat[: rows * TOGETHER].reshape(rows, TOGETHER * width).any(axis=0)
-    there = wide.reshape(TOGETHER, width).any(axis=0) | flat[rows * TOGETHER :].any(axis=0)
-    return np.asarray(there.reshape(columns.shape[1:]))
+        """(samples, j, k) to gated rows (n, channels, k); columns of zeros cost next to nothing."""
+        if self.factor == 1:
+            zones = self.gate.shape[1] // columns.shape[1]
+            return np.tile(columns, (1, zones, 1)) * self.gate[..., np.newaxis]
+        return _gated(columns, self.gate, self.kept, _response(self.factor))
 
 
 def thinned(values: np.ndarray, factor: int) -> np.ndarray:
@@ -96,40 +80,51 @@ def thinned(values: np.ndarray, factor: int) -> np.ndarray:
     kept = decimation_rows(len(values), factor)
     if factor == 1:
         return values
-    flat = np.ascontiguousarray(values.reshape(len(values), -1).T)
-    return _answers(flat, kept, _response(factor)).T.reshape(len(kept), *values.shape[1:])
+    flat = values.reshape(len(values), 1, -1)
+    out = _gated(flat, np.ones((len(values), 1)), kept, _response(factor))
+    return out.reshape(len(kept), *values.shape[1:])
 
 
 @njit(cache=True)
-def _answers(values: np.ndarray, kept: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """(m, rows) of a finite response (taps,) about the samples `kept` (rows,) of values (m, n).
+def _gated(
+    columns: np.ndarray, gate: np.ndarray, kept: np.ndarray, response: np.ndarray
+) -> np.ndarray:
+    """(rows, channels, k): columns (n, j, k) as the `gate` (n, channels) lets them through, j
+    channels in turn, with a finite response (taps,) about the samples `kept` (rows,).
 
-    Four rows at once, each of which adds up its samples in order: one sum alone waits for itself.
+    Sample `factor` m + p of a window lies at (p, m): what one tap sees of all rows is contiguous.
     """
-    half, last = len(response) // 2, values.shape[1] - 1
-    out = np.zeros((len(values), len(kept)))
-    for row in range(len(values)):
-        x, k = values[row], 0
-        while k < len(kept):
-            begin = kept[k] - half
-            if k + 4 <= len(kept) and begin >= 0 and kept[k + 3] + half <= last:
-                second, third, fourth = kept[k + 1] - half, kept[k + 2] - half, kept[k + 3] - half
-                a = b = c = d = 0.0
-                for tap in range(len(response)):
-                    weight = response[len(response) - 1 - tap]
-                    a += x[begin + tap] * weight
-                    b += x[second + tap] * weight
-                    c += x[third + tap] * weight
-                    d += x[fourth + tap] * weight
-                out[row, k], out[row, k + 1], out[row, k + 2], out[row, k + 3] = a, b, c, d
-                k += 4
-            else:
-                total = 0.0
-                for i in range(max(begin, 0), min(kept[k] + half, last) + 1):
-                    total += x[i] * response[kept[k] + half - i]
-                out[row, k] = total
-                k += 1
+    rows, taps = len(kept), len(response)
+    factor = kept[1] - kept[0] if rows > 1 else taps
+    begin = kept[0] - taps // 2  # before the first sample there are zeros
+    phases = np.zeros((factor, rows + taps // factor + 1))
+    out = np.zeros((rows, gate.shape[1], columns.shape[2]))
+    row = np.empty(rows)
+    for channel in range(gate.shape[1]):
+        for k in range(columns.shape[2]):
+            acts, p, m = False, -begin % factor, -begin // factor
+            for i in range(min(len(columns), factor * phases.shape[1] + begin)):
+                x = columns[i, channel % columns.shape[1], k] * gate[i, channel]
+                phases[p, m] = x
+                acts |= x != 0.0
+                p += 1
+                if p == factor:
+                    p, m = 0, m + 1
+            if acts:
+                _seen(phases, response, row)
+                out[:, channel, k] = row
     return out
+
+
+@njit(cache=True)
+def _seen(phases: np.ndarray, response: np.ndarray, row: np.ndarray) -> None:
+    """Write the sums over all taps, in their order."""
+    row[:] = 0.0
+    for tap in range(len(response)):
+        weight = response[len(response) - 1 - tap]
+        samples = phases[tap % len(phases), tap // len(phases) :]
+        for k in range(len(row)):
+            row[k] += samples[k] * weight
 
 
 @cache

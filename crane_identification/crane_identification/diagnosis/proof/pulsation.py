@@ -91,7 +91,7 @@ def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np
     size = np.abs(np.fft.rfft((residual - residual.mean(axis=0)) * window, n=count, axis=0))
     frequency = np.fft.rfftfreq(count, _step(run))
     width = round(2.0 * HALF_WIDTH / float(frequency[1]))
-    level = ndimage.median_filter(size, size=(width, 1), mode="nearest")
+    level = np.stack([ndimage.median_filter(one, width, mode="nearest") for one in size.T], axis=1)
     clear = 2.0 * np.log(np.maximum(size, TINY) / np.maximum(level, TINY))
     rms = np.sqrt(2.0) * size / window.sum() / np.maximum(np.sqrt((force**2).mean(axis=0)), TINY)
 

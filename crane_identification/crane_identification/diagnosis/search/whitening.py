@@ -13,7 +13,6 @@ from crane_identification.diagnosis.fit.evidence import (
     leading,
     says_nothing,
 )
-from crane_identification.diagnosis.fit.runs import acting
 from crane_identification.estimation.autoregression import (
     Autoregression,
     predictors_of,
@@ -51,7 +50,7 @@ class Whitener:
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """(n, c, ...) to (N, ...)."""
-        there = np.asarray(acting(values).reshape(values.shape[1], -1).any(axis=1))
+        there = [values[:, channel].any() for channel in range(values.shape[1])]
         parts = []
         for channel, rows, polynomial, deviation in self.picks:
             if not there[channel]:

@@ -65,8 +65,10 @@ def _gradients(bend: Bend, q: Array) -> tuple[Gradient, Gradient]:
 
 
 @njit(cache=True)
-def _forces(bend: Bend, q: Array, v: Array, a: Array, e: float, rate: float, out: Array) -> float:
-    """Write phi (3,) of the bent crane at e'' = 0; the inertia about the joint.
+def _forces(
+    bend: Bend, q: Array, v: Array, a: Array, e: float, rate: float, out: Array
+) -> tuple[Gradient, Gradient]:
+    """Write phi (3,) of the bent crane at e'' = 0; its `_gradients`.
 
     `q` and `v` (3,) are bent as well.
     """
@@ -86,7 +88,7 @@ def _forces(bend: Bend, q: Array, v: Array, a: Array, e: float, rate: float, out
         a_z += upward[j] * a[j]
     for j in range(3):
         out[j] = outward[j] * a_x + upward[j] * a_z
-    return outward[i] ** 2 + upward[i] ** 2
+    return outward, upward
 
 
 @njit(cache=True)
@@ -114,7 +116,8 @@ def _bent(
     """e and e' after a step [s] of constant acceleration `push` (3,); q, v half-way through it,
     which are bent as well.
     """
-    inertia = _forces(bend, q, v, push, e + 0.5 * step * rate, rate, force)
+    outward, upward = _forces(bend, q, v, push, e + 0.5 * step * rate, rate, force)
+    inertia = outward[bend.joint] ** 2 + upward[bend.joint] ** 2
     omega = math.sqrt(bend.stiffness / inertia)
     damping = min(bend.damper / (2.0 * omega * inertia), STIFFEST)
     carried = force[bend.joint] / inertia
@@ -161,10 +164,9 @@ def bending_forces(bend: Bend, states: Array, q: Array, v: Array, a: Array) -> A
         _copy(q[n], place)
         _copy(v[n], speed)
         _forces(bend, place, speed, a[n], 0.0, 0.0, straight)  # which bends by nothing
-        inertia = _forces(bend, place, speed, a[n], e, rate, out[n])
+        outward, upward = _forces(bend, place, speed, a[n], e, rate, out[n])
         spring = bend.stiffness * e + bend.damper * rate
-        swing = -(spring + out[n, i]) / inertia  # e''
-        outward, upward = _gradients(bend, place)
+        swing = -(spring + out[n, i]) / (outward[i] ** 2 + upward[i] ** 2)  # e''
         for j in range(3):
             out[n, j] += (outward[j] * outward[i] + upward[j] * upward[i]) * swing - straight[j]
     return out

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from crane_identification.diagnosis.fit.runs import acting, thinned
+from crane_identification.diagnosis.fit.runs import Run, thinned
 from crane_identification.signals.decimate import PASS_BAND, decimation_rows
+from crane_model.record import Record
 
 CYCLES, STOP_BAND = 12, 6.0  # rows that the response is long, and the shape of its window
 
@@ -24,9 +25,19 @@ def test_rows_are_samples_of_the_filtered_signal(samples: int, factor: int) -> N
     )
 
 
-@pytest.mark.parametrize("samples", [0, 5, 64, 1000])
-def test_columns_that_act_hold_something(samples: int) -> None:
-    columns = np.zeros((samples, 3, 4))
-    if samples:
-        columns[-1, 0, 1], columns[0, 2, 3], columns[samples // 2, 1, 0] = 1e-300, -1.0, np.nan
-    assert np.array_equal(acting(columns), columns.any(axis=0))
+@pytest.mark.parametrize("factor", [1, 7])
+def test_channels_see_what_their_gate_lets_through(factor: int) -> None:
+    random = np.random.default_rng(factor)
+    columns, gate = random.normal(size=(900, 2, 3)), np.zeros((900, 4))
+    gate[100:400, 0] = gate[640:650, 2] = gate[:, 3] = 1.0  # the second one sees nothing
+    columns[:, 1, 2] = 0.0
+    record = Record(("a", "b"), np.arange(900.0), *np.zeros((3, 900, 2)))
+    run = Run("bag", 0, record, gate, factor)
+    seen = np.concatenate([columns * gate[:, k : k + 2, np.newaxis] for k in (0, 2)], axis=1)
+    np.testing.assert_allclose(run.filtered(columns), thinned(seen, factor), rtol=0.0, atol=1e-15)
+
+
+def test_what_is_not_known_is_not_taken_for_nothing() -> None:
+    columns = np.zeros((900, 1, 1))
+    columns[450] = np.nan
+    assert np.isnan(thinned(columns, 7)).any()
