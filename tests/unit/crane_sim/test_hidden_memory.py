@@ -1,5 +1,6 @@
 """Hidden effects with a memory: hysteresis, play, a swinging load."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -81,6 +82,29 @@ def test_slip_blocks_remember_where_they_turned(machine: Machine, stand_in: Stan
 
 def test_play_shows_only_after_the_load_changed_sides(machine: Machine, stand_in: StandIn) -> None:
     """Full force at once, half of it half-way through the clearance, none after."""
+    noted = _play(machine, stand_in)
+    assert noted(300.0, 0.5) == 0.0
+    assert noted(300.0, 0.6) == 0.0
+    assert noted(4.0, 0.6) == 0.0  # too little to say
+    assert noted(-300.0, 0.6) == pytest.approx(80.0)
+    assert noted(-300.0, 0.605) == pytest.approx(40.0)
+    assert noted(-300.0, 0.6101) == 0.0
+    assert noted(-300.0, 0.6) == 0.0  # seated, wherever it goes
+    assert noted(300.0, 0.6) == pytest.approx(-80.0)
+
+
+def test_a_pin_has_no_further_to_go_back_than_it_came(machine: Machine, stand_in: StandIn) -> None:
+    """A load that turns again after a tenth of the clearance finds it a tenth from its seat."""
+    noted = _play(machine, stand_in)
+    assert noted(300.0, 0.6) == 0.0
+    assert noted(-300.0, 0.601) == pytest.approx(80.0, rel=0.03)  # smooth at either end
+    assert noted(300.0, 0.601) == pytest.approx(0.0, abs=3.0)
+    assert noted(300.0, 0.602) == 0.0
+    assert noted(-300.0, 0.602) == pytest.approx(80.0)
+
+
+def _play(machine: Machine, stand_in: StandIn) -> Callable[[float, float], float]:
+    """What the drive lacks under a load where the joint stands, 0.01 m of play having 80 N."""
     hidden = rig(stand_in, machine, planted("backlash", JOINT, 80.0, 0.01, 5.0))
     q = np.array([0.0, 0.3, -1.4, 0.5])
 
@@ -90,14 +114,7 @@ def test_play_shows_only_after_the_load_changed_sides(machine: Machine, stand_in
         hidden.act()
         return float(hidden.settle()[0, COLUMN])
 
-    assert noted(300.0, 0.5) == 0.0
-    assert noted(300.0, 0.6) == 0.0
-    assert noted(4.0, 0.6) == 0.0  # too little to say
-    assert noted(-300.0, 0.6) == pytest.approx(80.0)
-    assert noted(-300.0, 0.605) == pytest.approx(40.0)
-    assert noted(-300.0, 0.6101) == 0.0
-    assert noted(-300.0, 0.6) == 0.0  # seated, wherever it goes
-    assert noted(300.0, 0.6) == pytest.approx(-80.0)
+    return noted
 
 
 def test_a_load_swings_with_the_frequency_of_its_length(

@@ -81,21 +81,21 @@ def presliding(hidden: Hidden, k: int, v: float, step: float) -> float:
 def play(hidden: Hidden, k: int, load: float, q: float) -> float:
     """Force [N m, N] that the drive lacks until a pin that changed sides is seated, smoothly.
 
-    memory: side of the load, where the joint stood when it changed. The load must exceed a small
-    share of what it is about, so that its zero crossing is not counted twice.
+    memory: side of the load, where the pin stands in its clearance from -1 to 1, where the joint
+    stood last. A load that turns again on the way finds the pin where it is by then. The load must
+    exceed a small share of what it is about, so that its zero crossing is not counted twice.
     """
     law, value, memory = hidden.law[k], hidden.value[k], hidden.memory[k]
     size, clearance, threshold = value[0], value[1], value[2]
     if abs(load) > threshold:
         side = math.copysign(1.0, load)
         if memory[0] == 0.0:
-            memory[1] = q + 2.0 * clearance
-        elif memory[0] != side:
-            memory[1] = q
+            memory[1], memory[2] = side, q  # seated
         memory[0] = side
-    crossed = min(abs(q - memory[1]) / clearance, 1.0)
-    if crossed >= 1.0:
-        memory[1] = q + 2.0 * clearance  # seated, wherever it goes now
+    way = 2.0 * abs(q - memory[2]) / clearance
+    memory[1] = min(max(memory[1] + memory[0] * way, -1.0), 1.0)
+    memory[2] = q
+    crossed = (1.0 + memory[0] * memory[1]) / 2.0
     left = 1.0 - crossed
     if law == PIN_PLAY:
         left = 1.0 - crossed * crossed * (3.0 - 2.0 * crossed)
