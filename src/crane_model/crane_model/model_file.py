@@ -106,7 +106,8 @@ class Model:
 
     def predict(self, record: Record) -> Array:
         """Generalized forces Phi Theta on n samples: (n, j) [N m, N]."""
-        return self.regressor(record) @ self.theta
+        # one product of all rows; matmul would take them sample by sample
+        return np.tensordot(self.regressor(record), self.theta, axes=1)
 
     def range_at_standstill(self, record: Record) -> tuple[Array, Array]:
         """Least and largest force, (n, j) each, between the branches of friction up and down.

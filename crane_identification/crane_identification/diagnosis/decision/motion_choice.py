@@ -1,4 +1,4 @@
-"""Shapes that explain the force nearly alike, told apart by the motion that they simulate.
+"""Shapes of friction that explain the force nearly alike, told apart by simulated motion.
 
 Near zero speed the force says little: the sign of the velocity is not known there. A shape that
 fits the rest best may stick where the machine slides. The simulated motion goes through there.
@@ -28,12 +28,12 @@ SIMULATED_RUNS = 2  # runs, the longest
 
 
 def suited(race: Race, before: Model, decision: Decision) -> Decision:
-    """Each finding with the shape of those nearly alike that moves most truly."""
+    """Each friction found with the shape of those nearly alike that moves most truly."""
     longest = sorted(race.search.evidence.runs, key=lambda run: (-len(run.record), run.source))
     records = [run.record for run in longest[:SIMULATED_RUNS]]
     chosen = list(decision.passed)
     for place, one in enumerate(chosen):
-        if not one.shaped.candidate.shapes:
+        if not (one.shaped.candidate.shapes and one.shaped.term.is_friction()):
             continue
         tried = _nearly_alike(race, [each.shaped for each in chosen], place, one.score)
         if len(tried) < 2:

@@ -142,7 +142,8 @@ class Evidence:
             columns = term.columns(run.record, self.model.setting)
             rows.append(run.filtered(columns))
             energy = np.einsum("njk,njk->nj", columns, columns)
-            inside, total = inside + float(energy[run.seen].sum()), total + float(energy.sum())
+            total += float(energy.sum())
+            inside += float(energy.ravel() @ run.seen.ravel())
             samples += int(run.seen.sum())
         out = np.concatenate(rows)
         if not np.isfinite(out).all():

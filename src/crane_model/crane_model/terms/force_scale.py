@@ -9,6 +9,7 @@ of single joints show where joints share the masses.
 
 from typing import ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 from typing_extensions import override
 
@@ -39,7 +40,7 @@ class OfBodies(OneJointTerm):
 
     def force_of_bodies(self, record: Record, setting: Setting) -> Array:
         """(7) of the bodies: (n, j)."""
-        return PlanarRigidBody().columns(record, setting) @ self.bodies
+        return np.tensordot(PlanarRigidBody().columns(record, setting), self.bodies, axes=1)
 
 
 class ForceScale(OfBodies):
