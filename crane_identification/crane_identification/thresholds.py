@@ -28,6 +28,7 @@ class Method(Schema):
     false_alarm_rate: Share
     further_share: Share
     elsewhere_share: Share
+    reading_share: Share
     form_share: Share
     distinct_correlation: Share
     folds_share: Share

@@ -16,7 +16,7 @@ from crane_model.machine import Machine
 from crane_model.record import Record
 
 JOINT = "telescope"  # x = q
-SUPPLY, TANK = 175e5, 2e5
+SUPPLY, TANK, ATMOSPHERE = 175e5, 2e5, 1.013e5
 GAINS = np.array([4.0e-7, 3.2e-7, 2.2e-7, 2.6e-7])  # supply_a, a_tank, supply_b, b_tank
 BANDS = 0.08, 0.06  # where chamber A is fed, and where B is
 PLAY = 0.02
@@ -46,9 +46,9 @@ def root(drop: float) -> float:
     return math.copysign(math.sqrt(abs(drop)), drop)
 
 
-def moved(machine: Machine) -> Record:
+def moved(machine: Machine, air: float = 0.0) -> Record:
     """8 s of a loaded mass on a cylinder with leakage and springy oil behind a valve with play,
-    whose edges, and dead zones of the two directions, all differ.
+    whose edges, and dead zones of the two directions, all differ; with a share of `air`.
     """
     track = spool()
     cylinder = machine.cylinders[JOINT]
@@ -62,13 +62,16 @@ def moved(machine: Machine) -> Record:
         leak = LEAK * (p_a - p_b)
         v_a = cylinder.area_a * (x - cylinder.length_min) + V_0
         v_b = cylinder.area_b * (cylinder.length_max - x) + V_0
+        softer_a, softer_b = (
+            1.0 + BETA * air * ATMOSPHERE / (p + ATMOSPHERE) ** 2 for p in (p_a, p_b)
+        )
         force = cylinder.area_a * p_a - cylinder.area_b * p_b - 4000.0 * math.sin(0.9 * time)
         return np.array(
             [
                 v,
                 (force - VISCOUS * v) / MASS,
-                BETA / v_a * (q_a - leak - cylinder.area_a * v),
-                BETA / v_b * (q_b + leak + cylinder.area_b * v),
+                BETA / v_a / softer_a * (q_a - leak - cylinder.area_a * v),
+                BETA / v_b / softer_b * (q_b + leak + cylinder.area_b * v),
             ]
         )
 

@@ -95,7 +95,7 @@ def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
     """The answer where the flow of oil, which the torque cannot show, tells something more."""
     strange = [
         f"{flow.unexplained:.1%} of the flow of {flow.joint} follow a law, but none of the "
-        "catalogue"
+        "catalogue" + (": most of it is what air in the oil takes" if flow.airy else "")
         for flow in flows
         if flow.unknown
     ]

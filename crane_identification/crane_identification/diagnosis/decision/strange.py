@@ -50,7 +50,7 @@ def with_strange(
         least = max(
             threshold,
             thresholds.method.simple_share * float(left[j]),
-            thresholds.method.elsewhere_share * _strongest(found, joint),
+            _left_by_form(found, joint, thresholds),
         )
         other = _most_of(search, found, j, least, thresholds)
         if other is not None:
@@ -115,11 +115,15 @@ def of_lengths(
     return gained < thresholds.method.simple_share * lead
 
 
-def _strongest(found: Sequence[Judged], joint: str) -> float:
-    """Score of the strongest law on a joint, whose form may not be the machine's; 0 if none."""
-    candidates = [(one.shaped.candidate, one.score) for one in found]
-    own = [score for one, score in candidates if one.joint == joint and not one.effect.formless]
-    return max(own, default=0.0)
+def _left_by_form(found: Sequence[Judged], joint: str, thresholds: Thresholds) -> float:
+    """What the laws on a joint may leave because their forms are not the machine's; 0 if none."""
+    method, candidates = thresholds.method, [(one.shaped, one.score) for one in found]
+    left = [
+        score * (method.reading_share if one.term.is_of_sensors() else method.elsewhere_share)
+        for one, score in candidates
+        if one.candidate.joint == joint and not one.candidate.effect.formless
+    ]
+    return max(left, default=0.0)
 
 
 def _accounts_for(

@@ -112,10 +112,20 @@ class _Examination:
             unexplained=unexplained,
             usual=self._gates.unexplained_flow,
             correlation=self._correlation,
+            air=self._air(),
             known=here.known,
             recorded=here.recorded,
             method=method,
         )
+
+    def _air(self) -> float:
+        """Share of what is left that air in the oil would explain, here and in the proof."""
+        here, there = self._here, self._there
+        airy = solved(np.column_stack([self._columns, here.air]), here.flow)
+        left = power(there.flow - np.column_stack([self._proof, there.air]) @ airy.values)
+        if airy.values[-1] <= 0.0:
+            return 0.0
+        return float(1.0 - max(airy.rest / self._free.rest, left / self._least))
 
     def _gain(self, column: int, edge: str) -> Gain:
         value = float(self._free.values[column])

@@ -19,7 +19,11 @@ from crane_model.record import Record
 
 LEAST_TIME = 8.0  # s of motion in either direction
 LEAST_RUN = 1.0  # s; of what is shorter, the filter sees nothing but its ends
-LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to be empty
+LEAST_DROP = 3e5  # Pa
+"""From chambers to tank and supply. Below it, errors of transducers are as large as the drop, the
+flow through an edge is laminar, and a chamber may be about to be empty and draw oil past the valve.
+"""
+ATMOSPHERE = 1.013e5  # Pa, to which pressures are relative
 SIGNALS = ("command", "pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
 WIDEST_DEAD_ZONE = 0.3
 WIDEST_PLAY = 0.2
@@ -72,6 +76,7 @@ class FlowRows:
         )
         flow = self._rows(lambda run: piston_flow(run.record, machine, joint)[..., np.newaxis])
         self.flow = flow[:, 0]
+        self.air = self._rows(lambda run: _air(run.record, machine, joint))
 
     def edges(self, dead_zones: tuple[float, float], play: float = 0.0) -> np.ndarray:
         """(N, 4) flow through each metering edge for K = 1."""
@@ -105,13 +110,15 @@ class FlowRows:
         parts = [part for part in parts if _duration(run.record.take(part)) >= LEAST_RUN]
         return [replace(run, record=run.record.take(p), gate=run.gate[p]) for p in parts]
 
-    def _filled(self, record: Record) -> np.ndarray:
-        """(samples,) where no chamber is about to be empty: then it draws oil past the valve."""
-        lowest = np.minimum(self._signal(record, "pressure_a"), self._signal(record, "pressure_b"))
-        return lowest > self._signal(record, "tank_pressure") + LEAST_PRESSURE
+    def _metering(self, record: Record) -> np.ndarray:
+        """(samples,) where both chambers are well above the tank and well below the supply."""
+        chambers = self._signal(record, "pressure_a"), self._signal(record, "pressure_b")
+        above = np.minimum(*chambers) - self._signal(record, "tank_pressure")
+        below = self._signal(record, "supply_pressure") - np.maximum(*chambers)
+        return np.minimum(above, below) > LEAST_DROP
 
     def _part(self, run: Run) -> _Part:
-        gate = run.gate[:, run.record.column(self.joint)] * self._filled(run.record)
+        gate = run.gate[:, run.record.column(self.joint)] * self._metering(run.record)
         metered = self._valve((0.0, 0.0), 0.0).metered(run.record, self.machine)
         return _Part(run, gate, thinned(gate, run.factor) > OPEN, metered)
 
@@ -154,6 +161,18 @@ class FlowRows:
 
 def _logged(record: Record) -> bool:
     return all(getattr(record, name) is not None for name in SIGNALS)
+
+
+def _air(record: Record, machine: Machine, joint: str) -> np.ndarray:
+    """(n, 2, 1) into both chambers for a share of 1 of air, at atmospheric pressure, in what the
+    piston swept: it is squeezed isothermally, the more the lower the pressure.
+    """
+    oil = OilCompressibility(joint=joint).columns(record, machine)[:, :, :1]
+    j = record.column(joint)
+    pressures = [record.needed(name, f"flow of '{joint}'") for name in ("pressure_a", "pressure_b")]
+    chambers = np.stack([pressure[:, j] for pressure in pressures], axis=1)
+    absolute = np.maximum(chambers, 0.0) + ATMOSPHERE
+    return oil * (ATMOSPHERE / absolute**2)[:, :, np.newaxis]
 
 
 def _duration(record: Record) -> float:

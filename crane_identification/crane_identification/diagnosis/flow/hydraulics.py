@@ -58,7 +58,8 @@ class Gain(NamedTuple):
 @dataclass(frozen=True)
 class Flow:
     """The hydraulics of one joint, and the share of the piston's flow (rms) left unexplained, with
-    the most of it that is `usual`, and the correlation of neighbouring rows of it.
+    the most of it that is `usual`, the correlation of neighbouring rows of it, and the share of its
+    energy that `air` in the oil would explain.
 
     `quantities` is empty where too much is left for any value to be good. All that the balance
     needs is `known` for that time [s] of what was `recorded`. `method`: what of it counts.
@@ -70,6 +71,7 @@ class Flow:
     unexplained: float
     usual: float
     correlation: float
+    air: float
     known: float
     recorded: float
     method: Method
@@ -92,9 +94,15 @@ class Flow:
     def unknown(self) -> bool:
         """Whether most of what is left has a law that is none of the quantities'."""
         named = sum(one.share**2 for one in self._beyond)
-        beyond = named + self.unexplained**2
-        law = self.unexplained > self.usual and self.correlation >= self.method.flow_law_correlation
-        return law and named < self.method.flow_named_share * beyond
+        beyond, method = named + self.unexplained**2, self.method
+        # air acts in moments that are too short for neighbouring rows to be alike
+        law = self.correlation >= method.flow_law_correlation or self.airy
+        return law and self.unexplained > self.usual and named < method.flow_named_share * beyond
+
+    @property
+    def airy(self) -> bool:
+        """Whether air in the oil would explain most of what is left."""
+        return self.air > self.method.flow_named_share
 
     @property
     def _beyond(self) -> tuple[Quantity, ...]:

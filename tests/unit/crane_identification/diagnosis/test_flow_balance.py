@@ -185,17 +185,20 @@ def test_without_supply_pressure_it_is_not_observable(evidence: Evidence) -> Non
     assert "supply pressure" in absent["valve_dead_zone", JOINT]
 
 
-def test_a_chamber_that_draws_oil_past_the_valve_is_not_asked(
-    evidence: Evidence, flow: Flow
+@pytest.mark.parametrize("source", ["tank_pressure", "supply_pressure"])
+def test_a_chamber_close_to_tank_or_supply_is_not_asked(
+    evidence: Evidence, flow: Flow, source: str
 ) -> None:
+    """There it draws oil past the valve, or its flow says more of the transducers."""
     run = evidence.runs[0]
     record = run.record
     j = record.column(JOINT)
     assert record.pressure_a is not None and record.pressure_b is not None
-    assert record.tank_pressure is not None and record.velocity is not None
+    assert record.velocity is not None
     starved = np.arange(len(record)) % 1000 < 150
     pressure, speed = record.pressure_b.copy(), record.velocity.copy()
-    pressure[starved, j] = record.tank_pressure[starved]
+    close = record.needed(source, "the test")
+    pressure[starved, j] = close[starved] + 2.5e5 * np.sign(pressure.mean() - close[starved])
     speed[starved, j] *= 1.5  # more than the valve lets in
     torn = replace(run, record=replace(record, pressure_b=pressure, velocity=speed))
     found, _ = examined(replace(evidence, runs=4 * (torn,)), evidence, USUAL, THRESHOLDS)
@@ -292,6 +295,17 @@ def test_a_law_of_no_valve_and_no_oil_is_unknown(evidence: Evidence, flow: Flow)
         found, _ = examined(moving(evidence, eccentric), evidence, USUAL, THRESHOLDS)
         assert found[0].unknown and not found[0].missing
         assert len(found[0].quantities) == values
+
+
+@pytest.mark.parametrize("air", [0.0, 0.5])
+def test_air_in_the_oil_is_told_by_how_soft_it_is_at_low_pressure(
+    evidence: Evidence, air: float
+) -> None:
+    machine = evidence.model.machine
+    assert machine is not None
+    airy = moving(evidence, moved(machine, air))
+    found, _ = examined(airy, airy, USUAL, THRESHOLDS)
+    assert found[0].airy is (air > 0.0)
 
 
 def test_joints_with_wrong_sensors_are_not_asked(evidence: Evidence) -> None:

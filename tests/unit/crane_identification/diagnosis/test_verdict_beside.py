@@ -29,10 +29,12 @@ def quantity(kind: str, share: float) -> Quantity:
     return Quantity(kind, 2.0, 0.1, 1.0, False, True, share, 1e4 * share, missing=True)
 
 
-def flow(*found: Quantity, left: float = 0.8 * USUAL, correlation: float = 0.2) -> Flow:
+def flow(
+    *found: Quantity, left: float = 0.8 * USUAL, correlation: float = 0.2, air: float = 0.0
+) -> Flow:
     gains = (Gain("supply_a", 1.0, 0.01, determined=True),)
     method = THRESHOLDS.method
-    return Flow("outer_boom", found, gains, left, USUAL, correlation, 60.0, 60.0, method)
+    return Flow("outer_boom", found, gains, left, USUAL, correlation, air, 60.0, 60.0, method)
 
 
 @pytest.mark.parametrize(
@@ -71,19 +73,20 @@ def test_a_law_of_the_flow_that_has_no_name_is_something_more(
 
 
 @pytest.mark.parametrize(
-    ("left", "correlation", "named", "unknown"),
+    ("left", "correlation", "air", "named", "unknown"),
     [
-        (0.05, 0.41, 0.0, True),
-        (0.05, 0.39, 0.0, False),  # it is noise
-        (0.9 * USUAL, 0.6, 0.0, False),  # it is no more than usual
-        (0.05, 0.6, 0.074, True),  # less than 70 % of the energy has a name
-        (0.05, 0.6, 0.079, False),
+        (0.05, 0.41, 0.0, 0.0, True),
+        (0.05, 0.39, 0.69, 0.0, False),  # it is noise
+        (0.05, 0.1, 0.71, 0.0, True),  # in moments that do not last
+        (0.9 * USUAL, 0.6, 0.9, 0.0, False),  # it is no more than usual
+        (0.05, 0.6, 0.0, 0.074, True),  # less than 70 % of the energy has a name
+        (0.05, 0.6, 0.0, 0.079, False),
     ],
 )
 def test_what_is_left_of_the_flow_is_unknown_where_it_is_a_law(
-    left: float, correlation: float, named: float, unknown: bool
+    left: float, correlation: float, air: float, named: float, unknown: bool
 ) -> None:
-    found = flow(quantity("internal_leakage", named), left=left, correlation=correlation)
+    found = flow(quantity("internal_leakage", named), left=left, correlation=correlation, air=air)
     assert found.unknown is unknown
     assert bool(found.missing) is not unknown
 
