@@ -28,6 +28,7 @@ def main() -> int:
             if not workspace.up_to_date(machine):
                 prerequisites.check(machine)
                 workspace.build(machine)
+            workspace.forget_compiled(machine)
             for extra in sys.argv[1:]:
                 packages.install_extra(machine, extra)
         except SetupError as error:

@@ -1,4 +1,4 @@
-"""`colcon build` of the packages, and whether it has to be done again."""
+"""`colcon build` of the packages and compiled functions, and whether they have to be made again."""
 
 import hashlib
 import os
@@ -57,6 +57,28 @@ def up_to_date(machine: Machine) -> bool:
     """Whether the installed tree was built from the present files."""
     stamp = _stamp(machine)
     return stamp.is_file() and stamp.read_text() == _wanted(machine)
+
+
+def forget_compiled(machine: Machine) -> None:
+    """Delete what numba has compiled where a source of it has changed since.
+
+    Numba looks at the file of a function alone, not at those of functions that it calls: of these,
+    callers would go on with the code of before.
+    """
+    sources = [
+        path
+        for package in _package_folders(machine)
+        for path in sorted((package / package.name).rglob("*.py"))
+        if b"njit" in path.read_bytes()
+    ]
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+    stamp = machine.root / "install" / "crane-compiled"
+    if stamp.is_file() and stamp.read_text() == digest:
+        return
+    for folder in {path.parent / "__pycache__" for path in sources}:
+        for compiled in folder.glob("*.nb[ic]"):
+            compiled.unlink(missing_ok=True)
+    stamp.write_text(digest)
 
 
 def build(machine: Machine) -> None:

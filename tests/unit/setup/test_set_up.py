@@ -273,6 +273,31 @@ def test_only_what_the_build_reads_asks_for_another_build(
     assert workspace.up_to_date(machine) is built
 
 
+def test_callers_of_a_changed_function_are_compiled_anew(tmp_path: Path) -> None:
+    machine = wheels_machine(tmp_path)
+    package = tmp_path / "src" / "crane_fast"
+    cache = package / "crane_fast" / "__pycache__"
+    for folder in (cache, tmp_path / "install"):
+        folder.mkdir(parents=True)
+    (package / "package.xml").touch()
+    called = package / "crane_fast" / "called.py"
+    index, code = (cache / f"caller.calls-1.py311.{kind}" for kind in ("nbi", "1.nbc"))
+    (package / "crane_fast" / "caller.py").write_text("@njit\ndef calls(): ...\n")
+
+    def kept(text: str) -> bool:
+        index.touch()
+        code.touch()
+        called.write_text(text)
+        workspace.forget_compiled(machine)
+        assert index.exists() == code.exists()
+        return index.exists()
+
+    first = "@njit\ndef called(): ...\n"
+    assert not kept(first)
+    assert kept(first)
+    assert not kept(first.replace("...", "return 1"))
+
+
 def test_changed_pins_ask_for_another_installation(clone: Path) -> None:
     machine = wheels_machine(clone)
     assert not packages.up_to_date(machine)
