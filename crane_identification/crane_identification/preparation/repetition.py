@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+from numba import njit
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from crane_model.errors import NoMotionError
@@ -86,23 +87,38 @@ class Repetition:
     def nearest(self, lag: int, overlap: float = 1.0) -> tuple[float, float]:
         """Least difference to the motion `lag` later over a stretch as long, or this share of what
         overlaps: over the rms of one period there, and as it is. Infinite if none moves."""
-        squares = ((self.signal[lag:] - self.signal[:-lag]) ** 2).sum(axis=1)
-        length = min(lag, int(overlap * len(squares)))
+        length = min(lag, int(overlap * (self.samples - lag)))
         if length < 1:
             return np.inf, np.inf
-        sums = np.cumsum(np.concatenate([[0.0], squares]))
-        difference = ((sums[length:] - sums[:-length]) / length).clip(0.0)  # sums round
-        last = min(len(difference), self.samples + 1 - lag)
-        difference = difference[:last]
-        sums, powers = self._sums
-        mean = (sums[lag : lag + last] - sums[:last]) / lag
-        power = (powers[lag : lag + last] - powers[:last]) / lag - (mean**2).sum(axis=1)
-        moves = power > MOVES**2 * powers[-1] / self.samples
-        if not moves.any():
-            return np.inf, np.inf
-        share = difference[moves] / (2.0 * power[moves])
-        best = int(share.argmin())
-        return float(np.sqrt(share[best])), float(np.sqrt(difference[moves][best]))
+        share, difference = _nearest(self.signal, *self._sums, lag, length, MOVES**2)
+        return float(np.sqrt(share)), float(np.sqrt(difference))
+
+
+@njit(cache=True)
+def _nearest(
+    signal: np.ndarray, sums: np.ndarray, powers: np.ndarray, lag: int, length: int, moves: float
+) -> tuple[float, float]:
+    """Least mean square difference to the signal `lag` samples later over `length` samples, over
+    twice the power of one period from there on, and as it is; infinite where that is no more than
+    the share `moves` of the mean power.
+    """
+    samples, joints = signal.shape
+    running = np.zeros(samples - lag + 1)
+    for i in range(samples - lag):
+        square = 0.0
+        for j in range(joints):
+            square += (signal[i + lag, j] - signal[i, j]) ** 2
+        running[i + 1] = running[i] + square
+    best, there, least = np.inf, np.inf, moves * powers[-1] / samples
+    for i in range(min(len(running) - length, samples + 1 - lag)):
+        mean = 0.0
+        for j in range(joints):
+            mean += ((sums[i + lag, j] - sums[i, j]) / lag) ** 2
+        power = (powers[i + lag] - powers[i]) / lag - mean
+        difference = max((running[i + length] - running[i]) / length, 0.0)  # sums round
+        if power > least and difference / (2.0 * power) < best:
+            best, there = difference / (2.0 * power), difference
+    return best, there
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ that are kept cost anything, which counts with hundreds of columns.
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -67,52 +68,76 @@ class Run:
         size = 1 if self.factor == 1 else CYCLES * self.factor + 1
         return ndimage.maximum_filter1d(flags.astype(np.uint8), size, axis=0)[self.kept] > 0
 
+    @cached_property
+    def _open(self) -> "_Open":
+        return _opened(self.gate, self.factor)
+
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """(samples, j, k) to gated rows (n, channels, k); columns of zeros cost next to nothing."""
         if self.factor == 1:
             zones = self.gate.shape[1] // columns.shape[1]
             return np.tile(columns, (1, zones, 1)) * self.gate[..., np.newaxis]
-        return _gated(columns, self.gate, self.kept, _response(self.factor))
+        return _gated(columns, self._open, _response(self.factor))
 
 
 def thinned(values: np.ndarray, factor: int) -> np.ndarray:
     """Values (n, ...) at `decimation_rows`, filtered with zero phase; zero beyond the ends."""
-    kept = decimation_rows(len(values), factor)
     if factor == 1:
         return values
     flat = values.reshape(len(values), 1, -1)
-    out = _gated(flat, np.ones((len(values), 1)), kept, _response(factor))
-    return out.reshape(len(kept), *values.shape[1:])
+    out = _gated(flat, _opened(np.ones((len(values), 1)), factor), _response(factor))
+    return out.reshape(len(out), *values.shape[1:])
+
+
+class _Open(NamedTuple):
+    """Where the gates of channels are open: which samples, by how much, and where each goes.
+
+    Sample `factor` m + p of the window of a row lies at (p, m) of `phases` (2,): what one tap sees
+    of all `rows` is contiguous. Those of a channel end at `ends` (channels,).
+    """
+
+    sample: np.ndarray
+    gate: np.ndarray
+    place: np.ndarray
+    ends: np.ndarray
+    phases: tuple[int, int]
+    rows: int
+
+
+def _opened(gate: np.ndarray, factor: int) -> _Open:
+    """The samples at which a `gate` (n, channels) is open, channel by channel."""
+    taps, kept = len(_response(factor)), decimation_rows(len(gate), factor)
+    phases = factor, len(kept) + taps // factor + 1
+    first = int(kept[0]) - taps // 2 if len(kept) else 0  # before the first sample there are zeros
+    channel, sample = np.nonzero(gate.T)
+    later, phase = np.divmod(sample - first, factor)
+    ends = np.searchsorted(channel, np.arange(gate.shape[1]), side="right")
+    place = phase * phases[1] + later
+    return _Open(sample, gate[sample, channel], place, ends, phases, len(kept))
 
 
 @njit(cache=True)
-def _gated(
-    columns: np.ndarray, gate: np.ndarray, kept: np.ndarray, response: np.ndarray
-) -> np.ndarray:
-    """(rows, channels, k): columns (n, j, k) as the `gate` (n, channels) lets them through, j
-    channels in turn, with a finite response (taps,) about the samples `kept` (rows,).
-
-    Sample `factor` m + p of a window lies at (p, m): what one tap sees of all rows is contiguous.
+def _gated(columns: np.ndarray, open_: _Open, response: np.ndarray) -> np.ndarray:
+    """(rows, channels, k): columns (n, j, k), j channels in turn, as their gates let them through,
+    with a finite response (taps,).
     """
-    rows, taps = len(kept), len(response)
-    factor = kept[1] - kept[0] if rows > 1 else taps
-    begin = kept[0] - taps // 2  # before the first sample there are zeros
-    phases = np.zeros((factor, rows + taps // factor + 1))
-    out = np.zeros((rows, gate.shape[1], columns.shape[2]))
-    row = np.empty(rows)
-    for channel in range(gate.shape[1]):
-        for k in range(columns.shape[2]):
-            acts, p, m = False, -begin % factor, -begin // factor
-            for i in range(min(len(columns), factor * phases.shape[1] + begin)):
-                x = columns[i, channel % columns.shape[1], k] * gate[i, channel]
-                phases[p, m] = x
+    joints, width = columns.shape[1:]
+    out = np.zeros((open_.rows, len(open_.ends), width))
+    row, begin = np.empty(open_.rows), 0
+    for channel in range(len(open_.ends)):
+        end = open_.ends[channel]
+        phases = np.zeros(open_.phases)
+        flat = phases.ravel()
+        for k in range(width):
+            acts = False
+            for i in range(begin, end):
+                x = columns[open_.sample[i], channel % joints, k] * open_.gate[i]
+                flat[open_.place[i]] = x
                 acts |= x != 0.0
-                p += 1
-                if p == factor:
-                    p, m = 0, m + 1
             if acts:
                 _seen(phases, response, row)
                 out[:, channel, k] = row
+        begin = end
     return out
 
 
