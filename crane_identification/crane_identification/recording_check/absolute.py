@@ -10,13 +10,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from crane_identification.recording_check.constants import (
-    ATMOSPHERE,
     FAST,
     FEWEST_STROKES,
     NEAR_ATMOSPHERE,
 )
 from crane_identification.recording_check.grid import Grid
 from crane_identification.recording_check.suspicion import Suspicion
+from crane_model.flow.oil import ATMOSPHERE
 
 MEGA = 1e6
 

@@ -30,7 +30,6 @@ OFTEN = 0.05  # of the time beyond the relief valve's pressure; peaks are shorte
 VACUUM = -1.2e5  # Pa gauge; no pressure is lower than -1.013e5
 UNITS_OF_PRESSURE = {"kPa": 1e3, "bar": 1e5, "MPa": 1e6, "psi": 6894.757293168}  # to Pa
 SUPPLY = (0.5, 1.3)  # times the supply pressure of the machine file, where it is logged
-ATMOSPHERE = 101_325.0  # Pa
 NEAR_ATMOSPHERE = 25_000.0  # Pa, as far as the two estimates of an offset err
 FAST = 0.25  # of a cylinder's highest speed; above, its flow goes through the valve's edges
 FEWEST_STROKES = 4  # directions of cylinders that must agree on an offset

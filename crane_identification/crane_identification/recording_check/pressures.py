@@ -8,7 +8,6 @@ from crane_identification.data.log import Log, Signal
 from crane_identification.notation import spoken
 from crane_identification.recording_check.constants import (
     ALMOST_ALL,
-    ATMOSPHERE,
     FEEBLE,
     FULL,
     NEAR_ATMOSPHERE,
@@ -18,6 +17,7 @@ from crane_identification.recording_check.constants import (
     VACUUM,
 )
 from crane_identification.recording_check.suspicion import Suspicion
+from crane_model.flow.oil import ATMOSPHERE
 from crane_model.machine import Machine
 
 MEGA = 1e6

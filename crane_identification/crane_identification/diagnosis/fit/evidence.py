@@ -146,7 +146,7 @@ class Evidence:
             inside += float(energy.ravel() @ run.seen.ravel())
             samples += int(run.seen.sum())
         out = np.concatenate(rows)
-        if not np.isfinite(out).all():
+        if not np.isfinite(total):  # nor where a gate is shut
             raise DataError(f"term '{term.type}': what it needs was not logged throughout")
         left = float(np.einsum("nck,nck->nc", out, out)[self.used].mean()) if self.used.any() else 0
         return ShownTerm(

@@ -122,9 +122,9 @@ class _Examination:
         """Share of what is left that air in the oil would explain, here and in the proof."""
         here, there = self._here, self._there
         airy = solved(np.column_stack([self._columns, here.air]), here.flow)
-        left = power(there.flow - np.column_stack([self._proof, there.air]) @ airy.values)
         if airy.values[-1] <= 0.0:
             return 0.0
+        left = power(there.flow - np.column_stack([self._proof, there.air]) @ airy.values)
         return float(1.0 - max(airy.rest / self._free.rest, left / self._least))
 
     def _gain(self, column: int, edge: str) -> Gain:

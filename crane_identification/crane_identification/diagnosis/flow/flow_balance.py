@@ -12,7 +12,7 @@ from crane_identification.diagnosis.fit.runs import Run, thinned
 from crane_identification.estimation.regression import OPEN
 from crane_model.errors import DataError
 from crane_model.flow import flow_regressor, piston_flow
-from crane_model.flow.oil import InternalLeakage, OilCompressibility
+from crane_model.flow.oil import InternalLeakage, OilCompressibility, air_column
 from crane_model.flow.valve import EDGES, Metered, Valve, of_chambers
 from crane_model.machine import Machine
 from crane_model.record import Record
@@ -20,10 +20,9 @@ from crane_model.record import Record
 LEAST_TIME = 8.0  # s of motion in either direction
 LEAST_RUN = 1.0  # s; of what is shorter, the filter sees nothing but its ends
 LEAST_DROP = 3e5  # Pa
-"""From chambers to tank and supply. Below it, errors of transducers are as large as the drop, the
-flow through an edge is laminar, and a chamber may be about to be empty and draw oil past the valve.
+"""From chambers to tank and supply. Below it, errors of transducers are as large as the drop, and a
+chamber may be about to be empty and draw oil past the valve.
 """
-ATMOSPHERE = 1.013e5  # Pa, to which pressures are relative
 SIGNALS = ("command", "pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
 WIDEST_DEAD_ZONE = 0.3
 WIDEST_PLAY = 0.2
@@ -76,7 +75,7 @@ class FlowRows:
         )
         flow = self._rows(lambda run: piston_flow(run.record, machine, joint)[..., np.newaxis])
         self.flow = flow[:, 0]
-        self.air = self._rows(lambda run: _air(run.record, machine, joint))
+        self.air = self._rows(lambda run: air_column(run.record, machine, joint))
 
     def edges(self, dead_zones: tuple[float, float], play: float = 0.0) -> np.ndarray:
         """(N, 4) flow through each metering edge for K = 1."""
@@ -161,18 +160,6 @@ class FlowRows:
 
 def _logged(record: Record) -> bool:
     return all(getattr(record, name) is not None for name in SIGNALS)
-
-
-def _air(record: Record, machine: Machine, joint: str) -> np.ndarray:
-    """(n, 2, 1) into both chambers for a share of 1 of air, at atmospheric pressure, in what the
-    piston swept: it is squeezed isothermally, the more the lower the pressure.
-    """
-    oil = OilCompressibility(joint=joint).columns(record, machine)[:, :, :1]
-    j = record.column(joint)
-    pressures = [record.needed(name, f"flow of '{joint}'") for name in ("pressure_a", "pressure_b")]
-    chambers = np.stack([pressure[:, j] for pressure in pressures], axis=1)
-    absolute = np.maximum(chambers, 0.0) + ATMOSPHERE
-    return oil * (ATMOSPHERE / absolute**2)[:, :, np.newaxis]
 
 
 def _duration(record: Record) -> float:

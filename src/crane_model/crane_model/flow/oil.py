@@ -10,6 +10,8 @@ from crane_model.flow.flow_term import FlowTerm
 from crane_model.machine import Machine
 from crane_model.record import Record
 
+ATMOSPHERE = 101_325.0  # Pa, to which pressures are relative
+
 
 class InternalLeakage(FlowTerm):
     """Q_A = -C (p_A - p_B) = -Q_B: laminar leakage past the piston."""
@@ -41,3 +43,14 @@ class OilCompressibility(FlowTerm):
         columns[:, 0, 0], columns[:, 1, 0] = cylinder.chambers.swept(length)
         columns[:, :, 1] = 1.0
         return -rates[:, :, np.newaxis] * columns
+
+
+def air_column(record: Record, machine: Machine, joint: str) -> Array:
+    """(n, 2, 1) for a share of 1 of air, at atmospheric pressure, in what the piston swept.
+
+    It is squeezed isothermally, the more the lower the pressure.
+    """
+    term = OilCompressibility(joint=joint)
+    chambers = [term.needed(record, name) for name in ("pressure_a", "pressure_b")]
+    absolute = np.maximum(np.stack(chambers, axis=1), 0.0) + ATMOSPHERE
+    return term.columns(record, machine)[:, :, :1] * (ATMOSPHERE / absolute**2)[:, :, np.newaxis]
