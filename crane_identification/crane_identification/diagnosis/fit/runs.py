@@ -59,9 +59,9 @@ class Run:
 
     @cached_property
     def seen(self) -> np.ndarray:
-        """(samples, j): where a channel of the joint sees it."""
+        """(samples, j): 1.0 where a channel of the joint sees it."""
         joints = self.record.position.shape[1]
-        return np.asarray((self.gate.reshape(len(self.gate), -1, joints) > 0.0).any(axis=1))
+        return (self.gate.reshape(len(self.gate), -1, joints) > 0.0).any(axis=1).astype(float)
 
     def reached(self, flags: np.ndarray) -> np.ndarray:
         """(n, ...): whether the filter of a row reaches a sample with a flag (samples, ...)."""

@@ -143,12 +143,13 @@ def measure(
         for rows in (held_out, where_trained(training, held_out))
     )
     records = [run.record for run in held_out.runs]
+    moved = validate_motion(before, records)
     return Gap(
         **vars(everywhere),
         training_before=relative(training, fitted),
         training_after=relative(training, residual(training, after)),
-        motion_before=validate_motion(before, records),
-        motion_after=validate_motion(after, records),
+        motion_before=moved,
+        motion_after=moved if after is before else validate_motion(after, records),
         loads=loads,
         carried=after,
         uncertain=doubt,

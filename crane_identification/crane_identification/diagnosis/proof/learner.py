@@ -1,11 +1,12 @@
 """A flexible learner: how much of a residual any law of the logged quantities could explain."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.stats import ttest_1samp
 from sklearn.ensemble import HistGradientBoostingRegressor
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.features import Features
@@ -83,8 +84,14 @@ def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegres
         early_stopping=False,
         random_state=SEED,
     )
-    with threadpool_limits(limits=1):
+    with _threads().limit(limits=1):
         return learner.fit(values, target)
+
+
+@cache
+def _threads() -> ThreadpoolController:
+    """Of all libraries; to look for them takes as long as several trees."""
+    return ThreadpoolController()
 
 
 def predict_elsewhere(evidence: Evidence, residual: np.ndarray, other: Evidence) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The race of candidates: a beam over sets of them, whose best have their shapes refined."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,7 @@ class Race:
 
     search: Search
     progress: Progress = silent
+    _known: dict[Hashable, ShapedCandidate] = field(default_factory=dict, init=False, repr=False)
 
     def sets(self, size: int) -> tuple[Subset, ...]:
         """The best sets of so many effects, best first; their shapes are refined."""
@@ -72,10 +73,11 @@ class Race:
         return self._joined(project(self.search.whitener, self.search.base, [shaped]))
 
     def _alone(self, candidate: Candidate, shape: dict[str, Any]) -> Projection:
-        """The projection of a single candidate."""
-        search = self.search
-        shaped = at_shape(search.evidence, candidate, shape)
-        return project(search.whitener, search.base, [shaped])
+        """The projection of a single candidate; other sets ask for the same shapes again."""
+        key, search = (candidate, tuple(sorted(shape.items()))), self.search
+        if key not in self._known:
+            self._known[key] = at_shape(search.evidence, candidate, shape)
+        return project(search.whitener, search.base, [self._known[key]])
 
     def _joined(self, one: Projection) -> int:
         """The number of the single candidate of `one`, now that the search has it."""

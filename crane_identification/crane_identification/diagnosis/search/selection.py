@@ -44,12 +44,40 @@ def extended(projection: Projection, start: Subset) -> Iterator[Subset]:
     gram, score = _without(projection, inside)
     present = {projection.candidates[i].candidate for i in start.numbers}
     gains = _single_gains(projection, gram, score)
-    for number in _best_of_each(projection, gains):
-        if projection.candidates[number].candidate in present or not gains[number] > 0.0:
-            continue
-        solved = solve(projection, (*start.numbers, int(number)))
+    further = [
+        number
+        for number in _best_of_each(projection, gains)
+        if projection.candidates[number].candidate not in present and gains[number] > 0.0
+    ]
+    for solved in _solved_each(projection, start.numbers, further):
         if solved is not None:
             yield solved
+
+
+def _solved_each(
+    projection: Projection, numbers: tuple[int, ...], further: Sequence[int]
+) -> list[Subset | None]:
+    """`solve` of the candidates `numbers` with each `further` one; those with as many columns all
+    at once, as far as no sign is wrong.
+    """
+    out: list[Subset | None] = [None] * len(further)
+    inside = [projection.columns_of[i] for i in numbers]
+    counts = np.array([len(projection.columns_of[i]) for i in further], dtype=int)
+    begins = np.cumsum([0, *(len(own) for own in inside)])
+    for count in np.unique(counts):
+        places = np.flatnonzero(counts == count).tolist()
+        columns = np.stack(
+            [np.concatenate([*inside, projection.columns_of[further[place]]]) for place in places]
+        )
+        free = _free(projection.gram, projection.score, columns, projection.positive[columns])
+        for i, values, wrong in zip(*free, strict=True):
+            each = (*numbers, further[places[i]])
+            if wrong:
+                out[places[i]] = solve(projection, each)
+            elif np.logical_or.reduceat(values != 0.0, begins).all():
+                gain = float(values @ projection.score[columns[i]])
+                out[places[i]] = Subset(each, gain, values)
+    return out
 
 
 def _best_of_each(projection: Projection, gains: np.ndarray) -> list[int]:
@@ -82,16 +110,24 @@ def _gains(
 ) -> np.ndarray:
     """Gain (m,) of m candidates by as many columns (m, k) each, as `_gain` of one."""
     gains = np.full(len(columns), -np.inf)
-    blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
-    apart = np.flatnonzero(np.linalg.eigvalsh(blocks)[:, 0] >= SINGULAR_SHARE**2)
-    values = np.linalg.solve(blocks[apart], score[columns[apart]][..., np.newaxis])[..., 0]
-    wrong = np.asarray((positive[apart] & (values < 0.0)).any(axis=1))
-    for place, own, out in zip(apart, values, wrong, strict=True):
-        if out:
+    for place, own, wrong in zip(*_free(gram, score, columns, positive), strict=True):
+        if wrong:
             gains[place] = _gain(gram, score, columns[place], positive[place])
         elif own.any():
             gains[place] = own @ score[columns[place]]
     return gains
+
+
+def _free(
+    gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which of m sets of as many columns (m, k) each are apart, the solutions of these whatever
+    their signs, and whether one that must be `positive` (m, k) is not.
+    """
+    blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
+    apart = np.flatnonzero(np.linalg.eigvalsh(blocks)[:, 0] >= SINGULAR_SHARE**2)
+    values = np.linalg.solve(blocks[apart], score[columns[apart]][..., np.newaxis])[..., 0]
+    return apart, values, np.asarray((positive[apart] & (values < 0.0)).any(axis=1))
 
 
 def _gain(gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray) -> float:

@@ -73,14 +73,15 @@ class AxisReach(NamedTuple):
         """Of the point that lies `length` [m] from the elbow along the axis at q4 = 0."""
         dh = machine.as_planar()
         phi, psi, extension = BoomDirections.of(machine, record)
+        cos_psi, sin_psi = np.cos(psi), np.sin(psi)
         boom, along = dh.inner_boom_length * np.cos(phi), length + extension
-        outer = along * np.cos(psi) - dh.telescope_offset * np.sin(psi)
+        outer = along * cos_psi - dh.telescope_offset * sin_psi
         by_phi = -dh.inner_boom_length * np.sin(phi)
-        by_psi = -along * np.sin(psi) - dh.telescope_offset * np.cos(psi)
+        by_psi = -along * sin_psi - dh.telescope_offset * cos_psi
         v2, v3, v4 = (record.velocity[:, record.column(joint)] for joint in dh.joints)
         turn = v2 + v3
         return cls(
             boom + outer,
-            np.stack([by_phi + by_psi, by_psi, np.cos(psi)], axis=1),
-            -boom * v2**2 - outer * turn**2 - 2.0 * np.sin(psi) * turn * v4,
+            np.stack([by_phi + by_psi, by_psi, cos_psi], axis=1),
+            -boom * v2**2 - outer * turn**2 - 2.0 * sin_psi * turn * v4,
         )

@@ -9,10 +9,12 @@ from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.runs import Run
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
 from crane_identification.diagnosis.search.visibility import SEEN_SHARE, left_out
+from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import single_axis
 from crane_model.terms.friction import Coulomb, Viscous
+from crane_model.terms.friction_temperature import TemperatureViscosity
 from crane_model.terms.stiction import Stiction
 from crane_model.terms.term import Setting
 
@@ -68,6 +70,18 @@ def test_rows_keep_of_an_effect_what_is_slower_than_they_are(fast: float, damped
     used = np.stack([np.ones(n, dtype=bool), np.zeros(n, dtype=bool)], axis=1)
     there = Evidence(MODEL, (run,), *np.zeros((3, n)), np.zeros((n, 2)), np.zeros((n, 2, 1)), used)
     assert there.shown(Viscous(joint="axis")).damped == pytest.approx(damped, rel=0.02)
+
+
+def test_a_signal_that_is_not_known_where_a_gate_is_shut_is_not_made_up(evidence: Evidence) -> None:
+    (run,) = evidence.runs
+    temperature = np.full(len(run.record), 30.0)
+    known = replace(run, record=replace(run.record, temperature=temperature))
+    term = TemperatureViscosity(joint="axis")
+    assert replace(evidence, runs=(known,)).shown(term).columns.any()
+    lost = np.where(run.gate.any(axis=1), temperature, np.nan)
+    part = replace(run, record=replace(run.record, temperature=lost))
+    with pytest.raises(DataError, match=r"temperature_viscosity.*not logged throughout"):
+        replace(evidence, runs=(part,)).shown(term)
 
 
 def test_a_short_peak_is_not_sought_and_the_reason_says_where(evidence: Evidence) -> None:

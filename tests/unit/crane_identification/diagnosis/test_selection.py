@@ -10,10 +10,20 @@ from unit.crane_identification.diagnosis import made
 from crane_identification.diagnosis.decision.chance import null_gains
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import Projection
-from crane_identification.diagnosis.search.selection import NOTHING, Subset, larger_sets, solve
+from crane_identification.diagnosis.search.selection import (
+    NOTHING,
+    Subset,
+    extended,
+    larger_sets,
+    solve,
+)
 from crane_model.terms import REGISTRY
 
 ROWS = 400
+SHAPELESS = (
+    *("actuator_inertia", "relaxing_force", "load_friction", "seal_friction", "pad_friction"),
+    *("hose_stiffness", "coulomb", "viscous", "viscous_quadratic", "rotor_inertia", "offset"),
+)
 
 
 def best_sets(made: Projection, largest: int) -> list[list[Subset]]:
@@ -132,3 +142,28 @@ def test_the_same_candidate_is_not_chosen_twice() -> None:
         for subset in size:
             candidates = [both.candidates[i].candidate for i in subset.numbers]
             assert len(set(candidates)) == len(candidates)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sets_that_are_solved_together_are_solved_as_one_by_one(seed: int) -> None:
+    """Candidates of one to three columns, some alike, whose signs are free or bound."""
+    rng = np.random.default_rng(seed)
+    shared = rng.standard_normal(made.ROWS)
+    columns = {
+        kind: rng.standard_normal((made.ROWS, 1 + n % 3)) + (n % 2) * shared[:, np.newaxis]
+        for n, kind in enumerate(SHAPELESS)
+    }
+    missing = sum(values @ rng.standard_normal(values.shape[1]) for values in columns.values())
+    signed = rng.choice(list(columns), 6, replace=False).tolist()
+    found = made.searched(columns, 0.1 * missing, positive=signed).projection
+    for start in (NOTHING, *larger_sets(found, larger_sets(found, [NOTHING]))[:3]):
+        grown = list(extended(found, start))
+        assert grown
+        for one in grown:
+            alone = solve(found, one.numbers)
+            assert alone is not None and one.gain == alone.gain
+            np.testing.assert_array_equal(one.values, alone.values)
+            inside = np.concatenate([found.columns_of[i] for i in one.numbers])
+            if one.values.all():  # no sign was wrong
+                free = np.linalg.lstsq(found.columns[:, inside], found.residual, rcond=None)[0]
+                np.testing.assert_allclose(one.values, free, rtol=1e-6, atol=1e-6)
