@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.effects.memory import STILL
 from crane_sim.effects.sensing import faults
-from crane_sim.hiding.calibrate import UnseenError, calibrate, draw, moved
+from crane_sim.hiding.calibrate import PASSES, UnmovedError, calibrate, draw, moved, reach
 from crane_sim.hiding.label import check_place, clean_path, label, load_hidden, write_label
 from crane_sim.hiding.spec import HiddenEffect, Spec
 from crane_sim.parts.constants import pack_chain
@@ -204,8 +205,28 @@ def test_a_motion_that_shows_nothing_is_refused_at_once(
     start = stand_in.start.copy()
     limits = machine.limits["telescope"]
     start[3] = (limits.position_min + limits.position_max) / 2.0 - 0.15
-    with pytest.raises(UnseenError, match=r"end_cushioning.*does nothing on this motion"):
+    with pytest.raises(UnmovedError, match=r"end_cushioning.*does nothing on this motion"):
         calibrate(spec, machine, stand_in, Strokes(start, 2.0), gains)
+
+
+def test_an_effect_that_cannot_be_so_weak_is_refused_before_all_tries(
+    machine: Machine, stand_in: StandIn, motion: Strokes, gains: Gains
+) -> None:
+    """The corner of an overlap stays, however narrow its band is."""
+    effect = HiddenEffect(
+        effect="valve_dead_zone", form="soft_overlap", joint="telescope", strength=1e-4
+    )
+    builds = 0
+
+    def build(*given: Any) -> Plant:
+        nonlocal builds
+        builds += 1
+        return Plant(stand_in, machine, *given)
+
+    wanted = draw(Spec(effects=(effect,)), machine, stand_in)
+    with pytest.raises(UnmovedError, match=r"valve_dead_zone.*however small its band; 0\.0001 was"):
+        reach(wanted, machine, stand_in, motion, gains, build)
+    assert builds < PASSES
 
 
 def test_parameters_are_drawn_from_the_seed_or_given(machine: Machine, stand_in: StandIn) -> None:

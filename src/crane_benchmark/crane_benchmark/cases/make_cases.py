@@ -21,7 +21,7 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
 from crane_sim.effects.form import Planted
-from crane_sim.hiding.calibrate import UnseenError, reach
+from crane_sim.hiding.calibrate import UnmovedError, reach
 from crane_sim.hiding.label import label
 from crane_sim.make_bag import make
 from crane_trajectory.control.controller import load_gains
@@ -124,7 +124,7 @@ def _strongest(
         for motion in tuple(showing):
             try:
                 return effects, planted(effects, motion)
-            except UnseenError as error:  # nor would it show half of it
+            except UnmovedError as error:  # nor would half of it do
                 showing.remove(motion)
                 reason: CraneError = error
             except RangeError as error:

@@ -28,10 +28,12 @@ PASSES = 12
 TOLERANCE = 0.05  # of the wanted strength
 OWN_MOTION = "excitation_20s.yaml"  # on which a spec is calibrated that names no trajectory
 LARGEST_STEP = 8.0  # by which a magnitude changes at once
+FLAT_SHARE = 0.01  # of a strength, by which it does not fall with its magnitude,
+FLAT_PASSES = 3  # so often in turn: a smaller one would not help either
 
 
-class UnseenError(RangeError):
-    """A hidden effect does nothing on a motion, whatever its magnitude."""
+class UnmovedError(RangeError):
+    """The strength of a hidden effect on a motion does not follow its magnitude."""
 
 
 def calibrate(
@@ -56,11 +58,13 @@ def reach(
     build: Build,
 ) -> tuple[Planted, ...]:
     """The effects with magnitudes such that each has the strength it is asked for, in the machine
-    that `build` makes of `stand_in`; as `calibrate` says. `UnseenError` where one does nothing.
+    that `build` makes of `stand_in`; as `calibrate` says. `UnmovedError` where one does nothing, or
+    no less with a smaller magnitude.
     """
     open_ended = [k for k, effect in enumerate(planted) if effect.requested is not None]
     exponent = dict.fromkeys(open_ended, 1.0)  # of the strength as a power of the magnitude
     last: dict[int, tuple[float, float]] = {}
+    flat = dict.fromkeys(open_ended, 0)
     for _ in range(PASSES if open_ended else 0):
         moved_with = moved(planted, machine, stand_in, motion, gains, build)
         reached = moved_with.strength(planted, machine)
@@ -70,7 +74,12 @@ def reach(
         for k, wanted in ratio.items():
             magnitude = planted[k].values[0]
             if k in last and reached[k] == 0.0 == last[k][1]:
-                raise UnseenError(_unseen(planted[k]))
+                raise UnmovedError(_unseen(planted[k]))
+            smaller = k in last and abs(magnitude) < abs(last[k][0])
+            same = smaller and reached[k] >= (1.0 - FLAT_SHARE) * last[k][1]
+            flat[k] = flat[k] + 1 if same else 0
+            if flat[k] == FLAT_PASSES:
+                raise UnmovedError(_no_less(planted[k], reached[k]))
             if k in last and last[k][0] != magnitude and reached[k] > 0.0 < last[k][1]:
                 slope = np.log(reached[k] / last[k][1]) / np.log(magnitude / last[k][0])
                 exponent[k] = float(np.clip(slope, 0.3, 3.0))
@@ -181,6 +190,15 @@ def _unseen(effect: Planted) -> str:
         f"hidden effect '{effect.form.effect}' ({effect.form.name}) on "
         f"{effect.joint or 'the machine'} does nothing on this motion; take one that shows it, as "
         "into the ends of the range for cushions"
+    )
+
+
+def _no_less(effect: Planted, reached: float) -> str:
+    return (
+        f"hidden effect '{effect.form.effect}' ({effect.form.name}) on "
+        f"{effect.joint or 'the machine'} has a strength of {reached:.4f} on this motion, however "
+        f"small its {effect.form.magnitude.name}; {effect.requested} was asked for. Ask for more, "
+        "or take another of its laws"
     )
 
 
