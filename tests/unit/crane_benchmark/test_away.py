@@ -187,6 +187,9 @@ def test_what_sticks_grows_with_the_rest_and_wears_off(law: int) -> None:
     assert led(0.05, 0.01) > 0.4 * long  # half a millimetre on
     assert led(0.05, 2.0) == pytest.approx(0.0, abs=0.1)
     assert led(1e-6, 0.3) == pytest.approx(short, rel=1e-6)
+    stuck = led(1e-6, 5.0)
+    led(1e-3, 0.1)  # a tenth of a millimetre, a fiftieth of the travel
+    assert led(1e-6, 1e-3) == pytest.approx(stuck, rel=0.03)
 
 
 def test_a_law_without_a_branch_is_refused(stand_in: StandIn, machine: Machine) -> None:

@@ -92,11 +92,13 @@ def _stuck(
 ) -> float:
     """Share of what has grown at rest, and wears off along the way.
 
-    memory: seconds at rest, rad or m since.
+    memory: seconds at rest, rad or m since. Bristles that give way by a hair before a joint breaks
+    away take that share of `travel` off the rest, and not all of it.
     """
     if abs(v) < STANDING:
         if memory[1] > 0.0:
-            memory[0], memory[1] = 0.0, 0.0
+            memory[0] *= max(1.0 - memory[1] / travel, 0.0)
+            memory[1] = 0.0
         memory[0] += step
     else:
         memory[1] += step * abs(v)
