@@ -11,7 +11,7 @@ from crane_identification.diagnosis.fit.evidence import relative, residual
 from crane_identification.diagnosis.fit.fit import Fitted
 from crane_identification.diagnosis.fit.refit import UndeterminedError
 from crane_identification.diagnosis.proof.extension import extended
-from crane_identification.diagnosis.proof.gap import Gap, measure, where_trained
+from crane_identification.diagnosis.proof.gap import RESOLUTION, Gap, measure, where_trained
 from crane_identification.diagnosis.proof.pulsation import (
     Line,
     Pulsation,
@@ -75,6 +75,12 @@ def proved(
         if not failing and trial.effects and (said := resemblance(trial, before, thresholds)):
             failing = [Short(trial.effects[-1], said)]
         if not failing:
+            failing = [
+                Short(one, said)
+                for one in trial.effects[1:]
+                if (said := unmoved(one, gap, thresholds))
+            ]
+        if not failing:
             failing = spoiling(fit, search, trial, gap, thresholds)
         if not failing:
             break
@@ -108,11 +114,27 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     )
 
 
+def unmoved(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
+    """Why a further effect is no name: with all effects, hardly less is left on any joint that it
+    acts on; empty if it is less.
+    """
+    own, held_to = _joints_of(one, gap), gap.held_to
+    ratio = held_to.after[own] / np.maximum(held_to.before[own], RESOLUTION)
+    least = thresholds.method.fallen_share
+    if (1.0 - ratio**2 >= least).any():
+        return ""
+    return (
+        f"with it, {', '.join(gap.moved(j) for j in own)}; a further effect should lessen its "
+        f"energy by {least:.0%}"
+    )
+
+
 def spoiling(
     fit: Fitted, search: Search, trial: Trial, gap: Gap, thresholds: Thresholds
 ) -> list[Short]:
     """The weakest effect without which the others predict the force of its joint better, where
-    others act on it too; none if there is no such effect.
+    others act on it too; none if there is no such effect. Of an effect on several joints, the
+    geometric mean of their errors counts.
     """
     after = gap.held_to.after
     for one in reversed(trial.effects):
@@ -121,8 +143,9 @@ def spoiling(
         if not any(set(own) & set(_joints_of(other, gap)) for other in rest):
             continue
         error = held_out_error(fit, search, rest)
-        worse = [j for j in own if after[j] > thresholds.method.worse_factor * error[j]]
-        if worse:
+        ratio = np.maximum(after[own], RESOLUTION) / np.maximum(error[own], RESOLUTION)
+        if np.exp(np.log(ratio).mean()) > thresholds.method.worse_factor:
+            worse = [j for j in own if after[j] > error[j]]
             told = (f"{gap.joints[j]} is {error[j]:.2%} and not {after[j]:.2%}" for j in worse)
             return [Short(one, f"without it, the held-out error of {', '.join(told)}")]
     return []

@@ -29,6 +29,7 @@ def effect(joint: str | None) -> Any:
         (("boom", "boom"), {0: (0.08, 0.10), 1: (0.08, 0.10)}, 1),  # the weaker one first
         (("boom", "arm"), {1: (0.10, 0.01)}, None),  # alone on its joint: the whole gap says it
         (("boom", None), {1: (0.10, 0.01)}, 1),
+        (("boom", None), {1: (0.09, 0.4)}, None),  # it takes more away elsewhere
         (("boom",), {0: (0.01, 0.01)}, None),
     ],
 )

@@ -13,7 +13,7 @@ from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.proof.extension import Value
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.learner import Learnt
-from crane_identification.diagnosis.proof.proof import Proof, Short, objection, resemblance
+from crane_identification.diagnosis.proof.proof import Proof, Short, objection, resemblance, unmoved
 from crane_identification.diagnosis.proof.pulsation import Pulsation
 from crane_identification.diagnosis.proof.trial import Trial, differs
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
@@ -218,6 +218,15 @@ def test_an_effect_that_widens_the_gap_is_said_to() -> None:
     none = objection(effect(), gap(0.0005, 0.0006), THRESHOLDS)
     assert none == "with it, the held-out error of outer_boom rises from 0.05% to 0.06%"
     assert "it closes 3" in objection(effect(), gap(0.0113, 0.0094), THRESHOLDS)
+
+
+@pytest.mark.parametrize(("after", "names"), [(0.0010, True), (0.00125, True), (0.00130, False)])
+def test_a_further_effect_leaves_less_where_it_acts(after: float, names: bool) -> None:
+    """13 % less of the energy, and 6 %."""
+    said = unmoved(effect(), gap(0.00134, after), THRESHOLDS)
+    assert (said == "") is names
+    if said:
+        assert said.startswith("with it, the held-out error of outer_boom stays at 0.13%")
 
 
 def test_a_name_that_closes_no_gap_is_unknown() -> None:
