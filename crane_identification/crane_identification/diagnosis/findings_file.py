@@ -242,6 +242,8 @@ class FlowBalance(ResultPart):
     """Rms of what is unexplained over that of the piston's flow [-]."""
     correlation_left: Number
     """Of neighbouring rows of what is unexplained [-]."""
+    worn: bool
+    """Whether the leakage changes along the stroke: its value is the mean."""
     known_time: Number
     """For which everything is known that the balance needs [s]."""
     recorded_time: Number

@@ -83,6 +83,7 @@ def balance(flow: Flow) -> FlowBalance:
     return FlowBalance(
         unexplained_share=flow.unexplained,
         correlation_left=flow.correlation,
+        worn=flow.worn,
         known_time=flow.known,
         recorded_time=flow.recorded,
         edge_gains={

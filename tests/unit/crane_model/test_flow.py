@@ -20,6 +20,7 @@ SUPPLY, TANK, ATMOSPHERE = 175e5, 2e5, 1.013e5
 GAINS = np.array([4.0e-7, 3.2e-7, 2.2e-7, 2.6e-7])  # supply_a, a_tank, supply_b, b_tank
 BANDS = 0.08, 0.06  # where chamber A is fed, and where B is
 PLAY = 0.02
+WORN = 0.9  # m, where a piston that wears leaks most
 LEAK, BETA, V_0 = 3e-12, 1.0e9, 3e-4
 MASS, VISCOUS = 150.0, 4000.0
 
@@ -46,9 +47,10 @@ def root(drop: float) -> float:
     return math.copysign(math.sqrt(abs(drop)), drop)
 
 
-def moved(machine: Machine, air: float = 0.0) -> Record:
+def moved(machine: Machine, air: float = 0.0, wear: float = 0.0) -> Record:
     """8 s of a loaded mass on a cylinder with leakage and springy oil behind a valve with play,
-    whose edges, and dead zones of the two directions, all differ; with a share of `air`.
+    whose edges, and dead zones of the two directions, all differ; with a share of `air`, and with
+    `wear` times more leakage about its mean place.
     """
     track = spool()
     cylinder = machine.cylinders[JOINT]
@@ -59,7 +61,7 @@ def moved(machine: Machine, air: float = 0.0) -> Record:
         up, down = max(0.0, u - BANDS[0]), max(0.0, -u - BANDS[1])
         q_a = GAINS[0] * up * root(SUPPLY - p_a) - GAINS[1] * down * root(p_a - TANK)
         q_b = GAINS[2] * down * root(SUPPLY - p_b) - GAINS[3] * up * root(p_b - TANK)
-        leak = LEAK * (p_a - p_b)
+        leak = LEAK * (1.0 + wear * math.exp(-(((x - WORN) / 0.35) ** 2))) * (p_a - p_b)
         v_a = cylinder.area_a * (x - cylinder.length_min) + V_0
         v_b = cylinder.area_b * (cylinder.length_max - x) + V_0
         softer_a, softer_b = (

@@ -87,16 +87,37 @@ class _Examination:
     ) -> None:
         self._here, self._there, self._spool, self._usual = here, there, spool, usual
         self._gates, self._method = thresholds.gates, thresholds.method
-        self._columns, self._proof = spool.columns(here), spool.columns(there)
+        self._flow_power = power(here.flow)
+        self._worn = False
+        self._fit()
+        if self._unexplained > self._gates.unexplained_flow and self._wears():
+            self._worn = True
+            self._fit()
+
+    def _fit(self) -> None:
+        """The balance with all that it has now."""
+        here, there = self._here, self._there
+        self._columns = self._columns_of(here, self._spool)
+        self._proof = self._columns_of(there, self._spool)
         self._free = solved(self._columns, here.flow)
         self._correlation = _correlation(self._free.left)
         self._least = power(there.flow - self._proof @ self._free.values)
-        self._flow_power = power(here.flow)
+        self._unexplained = float(np.sqrt(self._free.rest / self._flow_power))
+
+    def _columns_of(self, rows: FlowRows, spool: Spool) -> np.ndarray:
+        """Of the balance; last, where the piston is worn, those of a leakage along the stroke."""
+        columns = spool.columns(rows)
+        return np.column_stack([columns, rows.worn(self._here.stroke)]) if self._worn else columns
+
+    def _wears(self) -> bool:
+        """Whether a leakage that changes along the stroke explains most of what is left."""
+        here, there = (rows.worn(self._here.stroke) for rows in (self._here, self._there))
+        share, values = self._further(here, there)
+        return values[LEAK] > 0.0 and share > self._method.flow_named_share
 
     def flow(self) -> Flow:
         """What the balance says; `DataError` if it says nothing."""
-        here, free, method = self._here, self._free, self._method
-        unexplained = float(np.sqrt(free.rest / self._flow_power))
+        here, method, unexplained = self._here, self._method, self._unexplained
         noise = unexplained > method.flow_noise_share
         if noise and self._correlation < method.flow_law_correlation:
             raise DataError(
@@ -113,23 +134,28 @@ class _Examination:
             usual=self._gates.unexplained_flow,
             correlation=self._correlation,
             air=self._air(),
+            worn=self._worn,
             known=here.known,
             recorded=here.recorded,
             method=method,
         )
 
     def _air(self) -> float:
-        """Share of what is left that air in the oil would explain, here and in the proof."""
-        here, there = self._here, self._there
-        airy = solved(np.column_stack([self._columns, here.air]), here.flow)
-        if airy.values[-1] <= 0.0:
-            return 0.0
-        left = power(there.flow - np.column_stack([self._proof, there.air]) @ airy.values)
-        return float(1.0 - max(airy.rest / self._free.rest, left / self._least))
+        """Share of what is left that air in the oil would explain."""
+        share, values = self._further(self._here.air, self._there.air)
+        return share if values[-1] > 0.0 else 0.0
+
+    def _further(self, here: np.ndarray, there: np.ndarray) -> tuple[float, np.ndarray]:
+        """Share of what is left that further columns would explain, both here and in the proof, and
+        the values of all.
+        """
+        fit = solved(np.column_stack([self._columns, here]), self._here.flow)
+        left = power(self._there.flow - np.column_stack([self._proof, there]) @ fit.values)
+        return float(1.0 - max(fit.rest / self._free.rest, left / self._least)), fit.values
 
     def _gain(self, column: int, edge: str) -> Gain:
         value = float(self._free.values[column])
-        std_dev = self._std_dev(np.eye(COLUMNS)[column])
+        std_dev = self._std_dev(self._unit(column))
         return Gain(edge, value, std_dev, abs(value) >= self._method.flow_sigmas * std_dev)
 
     def _require_gains(self, gains: Sequence[Gain]) -> None:
@@ -142,8 +168,12 @@ class _Examination:
                 + "; check sign and log of its command, and that its chambers are not exchanged"
             )
 
+    def _unit(self, column: int) -> np.ndarray:
+        """Gradient of a single parameter."""
+        return np.eye(len(self._free.values))[column]
+
     def _std_dev(self, gradient: np.ndarray) -> float:
-        """Of a function of the parameters with this gradient (COLUMNS,); infinite if it is not
+        """Of a function of the parameters with this gradient (k,); infinite if it is not
         determined. Neighbouring rows of what is left are not independent, as of an autoregression
         of first order.
         """
@@ -172,10 +202,10 @@ class _Examination:
         fixed = [part for part, excess in zip(ZONES, beyond, strict=True) if excess > 0.0]
 
         def tied(rows: FlowRows, _: np.ndarray) -> tuple[np.ndarray, float]:
-            return np.delete(usual.columns(rows), fixed, axis=1), 0.0
+            return np.delete(self._columns_of(rows, usual), fixed, axis=1), 0.0
 
         k = int(np.argmax(beyond))
-        std_dev = self._std_dev(np.eye(COLUMNS)[ZONES[k]])
+        std_dev = self._std_dev(self._unit(ZONES[k]))
         return self._judged("dead_zones", zones[k], std_dev, limits[k], tied)
 
     def _asymmetry(self) -> Quantity:
@@ -184,7 +214,7 @@ class _Examination:
         value = asymmetry(gains)
         limit = highest if value > (lowest + highest) / 2.0 else lowest
         usual_a, usual_b = shares + (limit - value)
-        gradient = np.zeros(COLUMNS)
+        gradient = np.zeros(len(self._free.values))
         gradient[:2] = gains[[1, 0]] * (1.0, -1.0) / (2.0 * mean_a) ** 2
         gradient[2:4] = gains[[3, 2]] * (-1.0, 1.0) / (2.0 * mean_b) ** 2
 
@@ -204,11 +234,12 @@ class _Examination:
         """Of a parameter that is the quantity over a `unit`."""
         value = float(self._free.values[part])
         fixed = limit / unit
+        own = [part, *range(COLUMNS, len(self._free.values))] if part == LEAK else [part]
 
         def tied(_: FlowRows, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return np.delete(columns, part, axis=1), fixed * columns[:, part]
+            return np.delete(columns, own, axis=1), fixed * columns[:, part]
 
-        std_dev = unit * self._std_dev(np.eye(COLUMNS)[part])
+        std_dev = unit * self._std_dev(self._unit(part))
         return self._judged(name, unit * value, std_dev, limit, tied)
 
     def _judged(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,13 @@ from crane_identification.diagnosis.fit.runs import Run, thinned
 from crane_identification.estimation.regression import OPEN
 from crane_model.errors import DataError
 from crane_model.flow import flow_regressor, piston_flow
-from crane_model.flow.oil import InternalLeakage, OilCompressibility, air_column
+from crane_model.flow.oil import (
+    InternalLeakage,
+    OilCompressibility,
+    Stroke,
+    air_column,
+    worn_columns,
+)
 from crane_model.flow.valve import EDGES, Metered, Valve, of_chambers
 from crane_model.machine import Machine
 from crane_model.record import Record
@@ -76,6 +83,19 @@ class FlowRows:
         flow = self._rows(lambda run: piston_flow(run.record, machine, joint)[..., np.newaxis])
         self.flow = flow[:, 0]
         self.air = self._rows(lambda run: air_column(run.record, machine, joint))
+
+    @cached_property
+    def stroke(self) -> Stroke:
+        """Where the joint has been, as far as the balance is asked."""
+        places = [
+            part.run.record.position[part.gate > 0.0, part.run.record.column(self.joint)]
+            for part in self._parts
+        ]
+        return Stroke.of(np.concatenate(places))
+
+    def worn(self, stroke: Stroke) -> np.ndarray:
+        """(N, k) of a leakage that changes along a stroke, beside its mean."""
+        return self._rows(lambda run: worn_columns(run.record, self.machine, self.joint, stroke))
 
     def edges(self, dead_zones: tuple[float, float], play: float = 0.0) -> np.ndarray:
         """(N, 4) flow through each metering edge for K = 1."""

@@ -61,6 +61,7 @@ class Flow:
     the most of it that is `usual`, the correlation of neighbouring rows of it, and the share of its
     energy that `air` in the oil would explain.
 
+    Of a piston that is `worn`, the leakage changes along the stroke; its value is the mean.
     `quantities` is empty where too much is left for any value to be good. All that the balance
     needs is `known` for that time [s] of what was `recorded`. `method`: what of it counts.
     """
@@ -72,6 +73,7 @@ class Flow:
     usual: float
     correlation: float
     air: float
+    worn: bool
     known: float
     recorded: float
     method: Method
@@ -98,6 +100,10 @@ class Flow:
         # air acts in moments that are too short for neighbouring rows to be alike
         law = self.correlation >= method.flow_law_correlation or self.airy
         return law and self.unexplained > self.usual and named < method.flow_named_share * beyond
+
+    def wears(self, one: Quantity) -> bool:
+        """Whether one of its quantities is what changes along the stroke."""
+        return self.worn and one.type == "internal_leakage"
 
     @property
     def airy(self) -> bool:

@@ -1,6 +1,6 @@
 """The oil: what leaks past the piston, and what the pressure squeezes."""
 
-from typing import Literal
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from crane_model.machine import Machine
 from crane_model.record import Record
 
 ATMOSPHERE = 101_325.0  # Pa, to which pressures are relative
+WEAR_DEGREE = 4  # of the polynomial by which a leakage changes along a stroke
 
 
 class InternalLeakage(FlowTerm):
@@ -54,3 +55,33 @@ def air_column(record: Record, machine: Machine, joint: str) -> Array:
     chambers = [term.needed(record, name) for name in ("pressure_a", "pressure_b")]
     absolute = np.maximum(np.stack(chambers, axis=1), 0.0) + ATMOSPHERE
     return term.columns(record, machine)[:, :, :1] * (ATMOSPHERE / absolute**2)[:, :, np.newaxis]
+
+
+class Stroke(NamedTuple):
+    """Where a joint has been, from `low` to `high` [rad or m], and the means (WEAR_DEGREE,) there
+    of the polynomials by which a leakage changes.
+    """
+
+    low: float
+    high: float
+    means: Array
+
+    @classmethod
+    def of(cls, q: Array) -> Self:
+        """That of positions (n,)."""
+        whole = cls(float(q.min()), float(q.max()), np.zeros(WEAR_DEGREE))
+        return whole._replace(means=whole.shapes(q).mean(axis=0))
+
+    def shapes(self, q: Array) -> Array:
+        """(n, WEAR_DEGREE): Chebyshev polynomials from the first degree on, less their means.
+
+        Beyond either end they stay.
+        """
+        place = np.interp(q, [self.low, self.high], [-1.0, 1.0])
+        return np.polynomial.chebyshev.chebvander(place, WEAR_DEGREE)[:, 1:] - self.means
+
+
+def worn_columns(record: Record, machine: Machine, joint: str, stroke: Stroke) -> Array:
+    """(n, 2, WEAR_DEGREE) for a leakage that changes along a stroke by 1 m3/(s Pa)."""
+    leak = InternalLeakage(joint=joint).columns(record, machine)
+    return leak * stroke.shapes(record.position[:, record.column(joint)])[:, np.newaxis]

@@ -308,6 +308,23 @@ def test_air_in_the_oil_is_told_by_how_soft_it_is_at_low_pressure(
     assert found[0].airy is (air > 0.0)
 
 
+@pytest.mark.parametrize("wear", [0.0, 4.0])
+def test_a_leakage_that_changes_along_the_stroke_is_a_leakage(
+    evidence: Evidence, wear: float
+) -> None:
+    """Its piston is worn where it works most."""
+    machine = evidence.model.machine
+    assert machine is not None
+    worn = moving(evidence, moved(machine, wear=wear))
+    gates = THRESHOLDS.gates.model_copy(update={"unexplained_flow": 0.003})
+    thresholds = THRESHOLDS.model_copy(update={"gates": gates})
+    found, _ = examined(worn, worn, USUAL.model_copy(update={"leakage": 2.0 * LEAK}), thresholds)
+    names = {one.type for one in found[0].missing}
+    assert found[0].worn is (wear > 0.0)
+    assert ("internal_leakage" in names) is (wear > 0.0)
+    assert not found[0].unknown
+
+
 def test_joints_with_wrong_sensors_are_not_asked(evidence: Evidence) -> None:
     named = [Candidate(EncoderOffset, JOINT)]
     found, absent = examined(evidence, evidence, USUAL, THRESHOLDS, named)
