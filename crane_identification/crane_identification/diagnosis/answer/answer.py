@@ -101,7 +101,7 @@ def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
     ]
     missing = [
         f"{one.effect.name} of {flow.joint} is beyond {one.limit}"
-        + (", more at some places of the stroke than at others" if flow.wears(one) else "")
+        + (", more at some places of the stroke than at others" if one.along_stroke else "")
         for flow in flows
         for one in flow.missing
     ]

@@ -107,11 +107,13 @@ class _Examination:
     def _columns_of(self, rows: FlowRows, spool: Spool) -> np.ndarray:
         """Of the balance; last, where the piston is worn, those of a leakage along the stroke."""
         columns = spool.columns(rows)
-        return np.column_stack([columns, rows.worn(self._here.stroke)]) if self._worn else columns
+        return (
+            np.column_stack([columns, rows.worn(self._here.wear_range)]) if self._worn else columns
+        )
 
     def _wears(self) -> bool:
         """Whether a leakage that changes along the stroke explains most of what is left."""
-        here, there = (rows.worn(self._here.stroke) for rows in (self._here, self._there))
+        here, there = (rows.worn(self._here.wear_range) for rows in (self._here, self._there))
         share, values = self._further(here, there)
         return values[LEAK] > 0.0 and share > self._method.flow_named_share
 
@@ -134,7 +136,6 @@ class _Examination:
             usual=self._gates.unexplained_flow,
             correlation=self._correlation,
             air=self._air(),
-            worn=self._worn,
             known=here.known,
             recorded=here.recorded,
             method=method,
@@ -240,7 +241,8 @@ class _Examination:
             return np.delete(columns, own, axis=1), fixed * columns[:, part]
 
         std_dev = unit * self._std_dev(self._unit(part))
-        return self._judged(name, unit * value, std_dev, limit, tied)
+        judged = self._judged(name, unit * value, std_dev, limit, tied)
+        return replace(judged, along_stroke=len(own) > 1)
 
     def _judged(
         self,

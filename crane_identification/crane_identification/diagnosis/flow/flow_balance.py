@@ -16,7 +16,7 @@ from crane_model.flow import flow_regressor, piston_flow
 from crane_model.flow.oil import (
     InternalLeakage,
     OilCompressibility,
-    Stroke,
+    WearRange,
     air_column,
     worn_columns,
 )
@@ -85,17 +85,19 @@ class FlowRows:
         self.air = self._rows(lambda run: air_column(run.record, machine, joint))
 
     @cached_property
-    def stroke(self) -> Stroke:
+    def wear_range(self) -> WearRange:
         """Where the joint has been, as far as the balance is asked."""
         places = [
             part.run.record.position[part.gate > 0.0, part.run.record.column(self.joint)]
             for part in self._parts
         ]
-        return Stroke.of(np.concatenate(places))
+        return WearRange.of(np.concatenate(places))
 
-    def worn(self, stroke: Stroke) -> np.ndarray:
+    def worn(self, wear_range: WearRange) -> np.ndarray:
         """(N, k) of a leakage that changes along a stroke, beside its mean."""
-        return self._rows(lambda run: worn_columns(run.record, self.machine, self.joint, stroke))
+        return self._rows(
+            lambda run: worn_columns(run.record, self.machine, self.joint, wear_range)
+        )
 
     def edges(self, dead_zones: tuple[float, float], play: float = 0.0) -> np.ndarray:
         """(N, 4) flow through each metering edge for K = 1."""

@@ -11,7 +11,8 @@ from crane_model.terms import Effect
 @dataclass(frozen=True)
 class Quantity:
     """A value of the hydraulics with one standard deviation, and the limit of what is usual, which
-    is the machine's `own` where it was identified; `type` is its name in FLOW_EFFECTS.
+    is the machine's `own` where it was identified; `type` is its name in FLOW_EFFECTS. Of what
+    changes `along_stroke`, it is the mean.
 
     With that limit in its place, `share` of the piston's flow (rms) more is unexplained, and the
     balance loses the `score` 2 dlogL; both are 0 where the value is usual. It is `determined` where
@@ -27,6 +28,7 @@ class Quantity:
     share: float = 0.0
     score: float = 0.0
     missing: bool = False
+    along_stroke: bool = False
 
     @property
     def limit(self) -> str:
@@ -61,7 +63,6 @@ class Flow:
     the most of it that is `usual`, the correlation of neighbouring rows of it, and the share of its
     energy that `air` in the oil would explain.
 
-    Of a piston that is `worn`, the leakage changes along the stroke; its value is the mean.
     `quantities` is empty where too much is left for any value to be good. All that the balance
     needs is `known` for that time [s] of what was `recorded`. `method`: what of it counts.
     """
@@ -73,7 +74,6 @@ class Flow:
     usual: float
     correlation: float
     air: float
-    worn: bool
     known: float
     recorded: float
     method: Method
@@ -101,9 +101,10 @@ class Flow:
         law = self.correlation >= method.flow_law_correlation or self.airy
         return law and self.unexplained > self.usual and named < method.flow_named_share * beyond
 
-    def wears(self, one: Quantity) -> bool:
-        """Whether one of its quantities is what changes along the stroke."""
-        return self.worn and one.type == "internal_leakage"
+    @property
+    def worn(self) -> bool:
+        """Whether the leakage changes along the stroke, as of a piston that is worn."""
+        return any(one.along_stroke for one in self.quantities)
 
     @property
     def airy(self) -> bool:

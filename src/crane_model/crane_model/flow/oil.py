@@ -57,7 +57,7 @@ def air_column(record: Record, machine: Machine, joint: str) -> Array:
     return term.columns(record, machine)[:, :, :1] * (ATMOSPHERE / absolute**2)[:, :, np.newaxis]
 
 
-class Stroke(NamedTuple):
+class WearRange(NamedTuple):
     """Where a joint has been, from `low` to `high` [rad or m], and the means (WEAR_DEGREE,) there
     of the polynomials by which a leakage changes.
     """
@@ -81,7 +81,7 @@ class Stroke(NamedTuple):
         return np.polynomial.chebyshev.chebvander(place, WEAR_DEGREE)[:, 1:] - self.means
 
 
-def worn_columns(record: Record, machine: Machine, joint: str, stroke: Stroke) -> Array:
+def worn_columns(record: Record, machine: Machine, joint: str, wear_range: WearRange) -> Array:
     """(n, 2, WEAR_DEGREE) for a leakage that changes along a stroke by 1 m3/(s Pa)."""
     leak = InternalLeakage(joint=joint).columns(record, machine)
-    return leak * stroke.shapes(record.position[:, record.column(joint)])[:, np.newaxis]
+    return leak * wear_range.shapes(record.position[:, record.column(joint)])[:, np.newaxis]

@@ -34,8 +34,7 @@ def flow(
 ) -> Flow:
     gains = (Gain("supply_a", 1.0, 0.01, determined=True),)
     method = THRESHOLDS.method
-    quality = left, USUAL, correlation, air, False
-    return Flow("outer_boom", found, gains, *quality, 60.0, 60.0, method)
+    return Flow("outer_boom", found, gains, left, USUAL, correlation, air, 60.0, 60.0, method)
 
 
 @pytest.mark.parametrize(

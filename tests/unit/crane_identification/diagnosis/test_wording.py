@@ -214,7 +214,7 @@ def test_nothing_is_left_out_without_a_word() -> None:
     nine = [finding(joint=f"joint_{i}") for i in range(9)]
     hidden = {"effect": "offset", "joint": "outer_boom", "reason": "a parameter does the same"}
     known = {"unexplained_share": 0.01, "correlation_left": 0.1}
-    known |= {"known_time": 59.0, "recorded_time": 60.0}
+    known |= {"known_time": 59.0, "recorded_time": 60.0, "worn": False}
     flow = {"outer_boom": {"edge_gains": {}, "quantities": {}, **known}}
     said = text(content("named", *nine, not_testable=[hidden, hidden], flow=flow))
     assert "9. load-dependent" in said
