@@ -56,6 +56,12 @@ def moving(evidence: Evidence, record: Record) -> Evidence:
     return replace(evidence, runs=4 * (replace(evidence.runs[0], record=record),))
 
 
+def simulated(evidence: Evidence, **flaws: float) -> Evidence:
+    """The same of a cylinder with flaws."""
+    assert evidence.model.machine is not None
+    return moving(evidence, moved(evidence.model.machine, **flaws))
+
+
 def examined(*given: Any) -> tuple[tuple[Flow, ...], dict[tuple[str, str], str]]:
     """What is found, and why effects are not observable."""
     flows = examine(*given)
@@ -301,9 +307,7 @@ def test_a_law_of_no_valve_and_no_oil_is_unknown(evidence: Evidence, flow: Flow)
 def test_air_in_the_oil_is_told_by_how_soft_it_is_at_low_pressure(
     evidence: Evidence, air: float
 ) -> None:
-    machine = evidence.model.machine
-    assert machine is not None
-    airy = moving(evidence, moved(machine, air))
+    airy = simulated(evidence, air=air)
     found, _ = examined(airy, airy, USUAL, THRESHOLDS)
     assert found[0].airy is (air > 0.0)
 
@@ -313,9 +317,7 @@ def test_a_leakage_that_changes_along_the_stroke_is_a_leakage(
     evidence: Evidence, wear: float
 ) -> None:
     """Its piston is worn where it works most."""
-    machine = evidence.model.machine
-    assert machine is not None
-    worn = moving(evidence, moved(machine, wear=wear))
+    worn = simulated(evidence, wear=wear)
     gates = THRESHOLDS.gates.model_copy(update={"unexplained_flow": 0.003})
     thresholds = THRESHOLDS.model_copy(update={"gates": gates})
     found, _ = examined(worn, worn, USUAL.model_copy(update={"leakage": 2.0 * LEAK}), thresholds)
