@@ -5,13 +5,13 @@ symmetry, and leaves the dependence free. It stands for that effect where no law
 """
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
 
-from crane_model.array import Array, Flags
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.effect import DrawnCurve, Variable
 from crane_model.terms.joint_term import OneJointTerm
@@ -29,9 +29,10 @@ class DrawnTerm(OneJointTerm):
     (`variable`, `times`), which of the `knots` have a value (`kept`; at the others the shape is 0,
     because the model has what they would stand for), and how knots are spaced within the range of
     x, 0 to 1 (`spacing`). `draws` names the types of the laws whose shape it is, and `said` puts
-    their signature in words. Where laws of one signature differ in where they bend, `bends` has the
-    kept knots of each, `falling` those whose force falls, `slope_of` and `height_of` the types of
-    the terms that hold the slope of the shape and its height at rest.
+    their signature in words. Where laws of one signature differ in how they bend, `families` has
+    the curves (knots, m) of each over the knots, the last of which is at 1, `falling` those whose
+    force falls and is straight from the knot `straight_from` on, `slope_of` and `height_of` the
+    types of the terms that hold the slope of the shape and its height at rest.
     """
 
     said: ClassVar[str]
@@ -39,8 +40,9 @@ class DrawnTerm(OneJointTerm):
     spacing: ClassVar[tuple[float, ...]]
     kept: ClassVar[tuple[int, ...]]
     times: ClassVar[tuple[str, ...]]
-    bends: ClassVar[Mapping[str, tuple[int, ...]]] = {}
+    families: ClassVar[Mapping[str, Callable[[Array], Array]]] = {}
     falling: ClassVar[tuple[str, ...]] = ()
+    straight_from: ClassVar[int] = 0
     slope_of: ClassVar[str | None] = None
     height_of: ClassVar[str | None] = None
     straight: ClassVar[bool] = False
@@ -79,10 +81,16 @@ class DrawnTerm(OneJointTerm):
     def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
         """The m parameters of a knot, given the units of the joint's coordinate and force."""
 
-    @classmethod
-    def at_bend(cls, law: str) -> Flags:
-        """Which of its parameters (parameters,) are values where a type of law bends."""
-        return np.repeat(np.isin(cls.kept, cls.bends[law]), len(cls.times))
+    def family_of(self, law: str) -> Array:
+        """Values at the kept knots (parameters, m) of the curves of a type of law, which are 0 at
+        both ends as the shape is.
+        """
+        x = np.array(self.knots)
+        curves = self.families[law](x / x[-1])
+        line = (x - x[0]) / (x[-1] - x[0])
+        beside = curves - curves[0] - np.outer(line, curves[-1] - curves[0])
+        kept: Array = beside[list(self.kept)]
+        return kept
 
     def curves(self, values: Array) -> tuple[DrawnCurve, ...]:
         """One for each factor, with the zeros where no value is kept."""

@@ -1,6 +1,6 @@
 """Shapes of friction: over the speed, the position, the load and the time."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -12,6 +12,25 @@ from crane_model.terms.drawn import DrawnTerm, hats, rounded
 from crane_model.terms.effect import Variable
 from crane_model.terms.friction_load import on_pads, pressing
 from crane_model.terms.term import Family, Parameter, Setting
+
+LOW_SPEED = 0.3
+"""Of the fastest one: by what share of it a friction that dies out has done so, to a third at most,
+and a loss that has an onset has begun."""
+
+
+def dying_out(speed: Array) -> Array:
+    """exp(-(v/w)^d), over speeds v (n,) up to 1: (n, m), its values for several w and d."""
+    out_at, exponent = np.meshgrid(np.geomspace(0.01, LOW_SPEED, 16), (0.7, 1.0, 1.5, 2.0, 3.0))
+    curves: Array = np.exp(-((speed[:, np.newaxis] / out_at.ravel()) ** exponent.ravel()))
+    return curves
+
+
+def growing(speed: Array) -> Array:
+    """max(v - w, 0)^d, in the same way."""
+    onset, exponent = np.meshgrid(np.linspace(0.0, LOW_SPEED, 6), (1.2, 1.5, 1.75, 2.0, 2.5, 3.0))
+    beyond = np.maximum(speed[:, np.newaxis] - onset.ravel(), 0.0)
+    curves: Array = beyond ** exponent.ravel()
+    return curves
 
 
 class DrawnDryFriction(DrawnTerm):
@@ -48,11 +67,12 @@ class DrawnSpeedFriction(DrawnDryFriction):
     kept: ClassVar[tuple[int, ...]] = tuple(range(1, 10))
     symbol: ClassVar[str] = "f_speed"
     straight: ClassVar[bool] = True
-    bends: ClassVar[Mapping[str, tuple[int, ...]]] = {
-        "stribeck": (1, 2, 3, 4, 5),
-        "viscous_quadratic": (5, 6, 7, 8, 9),
+    families: ClassVar[Mapping[str, Callable[[Array], Array]]] = {
+        "stribeck": dying_out,
+        "viscous_quadratic": growing,
     }
     falling: ClassVar[tuple[str, ...]] = ("stribeck",)
+    straight_from: ClassVar[int] = 5
     slope_of: ClassVar[str | None] = "viscous"
     height_of: ClassVar[str | None] = "coulomb"
 

@@ -59,6 +59,13 @@ def falling(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.sign(v) * np.maximum(1.0 - np.abs(v) / KNEE, 0.0)
 
 
+def dying(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Stribeck friction that is gone where half of the range of speeds begins, without a fall of
+    all friction.
+    """
+    return np.sign(v) * np.maximum(1.0 - np.abs(v) / (2.5 * KNEE), 0.0) ** 1.7
+
+
 def rising(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """A loss that begins at a speed: beside Coulomb and viscous friction bent as `falling`."""
     return np.sign(v) * np.maximum(np.abs(v) - KNEE, 0.0) ** 1.2
@@ -113,6 +120,7 @@ def test_an_effect_of_another_law_is_named_by_its_signature(of_a_spring: Diagnos
     ("law", "force", "expected"),
     [
         (falling, FORCE, "stribeck"),
+        (dying, 5.0 * FORCE, "stribeck"),
         (rising, FORCE, "viscous_quadratic"),
         (turning, 20.0 * FORCE, "viscous_quadratic"),  # beside Stribeck's, Coulomb's is negative
     ],
