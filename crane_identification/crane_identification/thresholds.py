@@ -17,6 +17,7 @@ class Gates(Schema):
     score_factor: Positive
     smallest_strength: Share
     floor_factor: Positive
+    sample_noise_factor: Positive
     pulsation_clearness: Positive
     smallest_flow_share: Share
     unexplained_flow: Share

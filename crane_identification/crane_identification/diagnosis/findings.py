@@ -156,7 +156,7 @@ def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:
             correlation_left(fit.evidence, trial),
             trial.learnt.share,
             trial.law,
-            gap.beyond_noise(errors, diagnosis.thresholds.gates.floor_factor),
+            gap.beyond_noise(errors, diagnosis.thresholds.gates),
             regions(fit, trial),
             strict=True,
         )
@@ -266,6 +266,7 @@ def _side(gap: Gap, error: np.ndarray, motion: MotionValidation) -> dict[str, Ga
         joint: GapSide(
             force_relative_error=error[j],
             noise_floor=gap.floor[j],
+            sample_noise=gap.sample_noise[j],
             best_achievable=gap.best[j],
             motion_error=motion.position_rms[j],
             motion_displacement=motion.displacement_rms[j],

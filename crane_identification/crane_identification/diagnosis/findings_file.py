@@ -111,6 +111,8 @@ class GapSide(ResultPart):
     """Rms error of the force over that of the force [-]."""
     noise_floor: Number
     """Scatter between periods over the same; null where none was repeated [-]."""
+    sample_noise: Number
+    """What scatters from sample to sample, as far as rows hold it, over the same [-]."""
     best_achievable: Number
     """Error that a flexible learner reaches over the same [-]."""
     motion_error: Number

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, SupportsIndex
 
 import numpy as np
 
@@ -11,9 +11,11 @@ from crane_identification.diagnosis.answer.unknown import UnknownForce
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.proof import Nearest, Proof
-from crane_identification.thresholds import Thresholds
+from crane_identification.thresholds import Gates, Thresholds
 
 SPOKEN = 4  # members of a class that the reason lists
+OF_PERIODS = "the scatter between periods"
+OF_SAMPLES = "what the scatter of samples and surveyed lengths account for"
 NOT_HELD = "something is left that no effect of the catalogue explains"
 
 
@@ -74,7 +76,7 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
             Verdict.UNKNOWN,
             f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
         )
-    beyond = _beyond_noise(gap, gap.after, gap.training_before, thresholds.gates.floor_factor)
+    beyond = _beyond_noise(gap, gap.after, gap.training_before, thresholds.gates)
     if beyond:
         return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     if reach.undetermined:
@@ -116,28 +118,33 @@ def _better_known(gap: Gap) -> str:
 
 def _of_noise(gap: Gap) -> str:
     """How the held-out error of the model compares with noise, in words."""
+    errors = np.maximum(gap.after, gap.training_before)
     known = np.isfinite(gap.floor)
+    said = f"the force errs by {gap.over_samples(errors).max():.1f} times {OF_SAMPLES}"
     if not known.any():
-        j = int(np.argmax(np.nan_to_num(gap.after)))
-        return (
-            "no held-out recording repeats its motion, so that only a learner tells from noise "
-            f"what the model leaves of their force, up to {gap.after[j]:.2%} ({gap.joints[j]})"
-        )
-    largest = float(np.nan_to_num(gap.over_floor(np.maximum(gap.after, gap.training_before))).max())
-    return f"the force errs by {largest:.1f} times the scatter between periods at most" + (
+        return f"{said} at most; no held-out recording repeats its motion"
+    largest = float(np.nan_to_num(gap.over_floor(errors)).max())
+    return f"{said}, and by {largest:.1f} times {OF_PERIODS}, at most" + (
         "" if known.all() else f"; not known of {_listed(gap, ~known)}"
     )
 
 
-def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, factor: float) -> list[str]:
+def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, gates: Gates) -> list[str]:
     """Where relative errors (j,) are more than noise, in words."""
     errors = np.maximum(held_out, training)
-    times = gap.over_floor(errors)
     return [
         f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
-        f"{training[j]:.2%} on the others, up to {times[j]:.0f} times the scatter between periods"
-        for j in np.flatnonzero(gap.beyond_noise(errors, factor))
+        f"{training[j]:.2%} on the others, up to {_times(gap, errors, j, gates)}"
+        for j in np.flatnonzero(gap.beyond_noise(errors, gates))
     ]
+
+
+def _times(gap: Gap, errors: np.ndarray, j: SupportsIndex, gates: Gates) -> str:
+    """How many times noise an error is, by what says most of it."""
+    periods, samples = gap.over_floor(errors)[j], gap.over_samples(errors)[j]
+    if not periods > gates.floor_factor:
+        return f"{samples:.0f} times {OF_SAMPLES}"
+    return f"{periods:.0f} times {OF_PERIODS}"
 
 
 def _of_effects(proof: Proof, thresholds: Thresholds) -> Answer:
@@ -174,7 +181,7 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
         said.append(f"something more is missing, a law that is left on {_listed(gap, trial.law)}")
     if trial.left_share > method.left_share:
         said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
-    said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.gates.floor_factor)
+    said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.gates)
     worse = gap.after > method.worse_factor * np.fmax(gap.before, method.clean_factor * gap.floor)
     acting = _acting(proof)
     said += [

@@ -89,6 +89,11 @@ def thinned(values: np.ndarray, factor: int) -> np.ndarray:
     return out.reshape(len(out), *values.shape[1:])
 
 
+def row_noise(factor: int) -> float:
+    """Standard deviation of a row over that of samples whose noise is white."""
+    return 1.0 if factor == 1 else float(np.linalg.norm(_response(factor)))
+
+
 class _Open(NamedTuple):
     """Where the gates of channels are open: which samples, by how much, and where each goes.
 

@@ -8,12 +8,10 @@ import numpy as np
 
 from crane_identification.diagnosis.fit.evidence import Evidence, over_zones, relative, residual
 from crane_identification.diagnosis.proof.learner import predict_elsewhere
+from crane_identification.diagnosis.proof.noise import scatter_of_periods, scatter_of_samples
 from crane_identification.diagnosis.search.loads import Weighed, with_own_loads
-from crane_identification.estimation.regression import OPEN
-from crane_identification.preparation.averaging import noise_of_mean
 from crane_identification.preparation.run import Preparation
-from crane_identification.signals.decimate import decimate
-from crane_identification.thresholds import Method
+from crane_identification.thresholds import Gates, Method
 from crane_identification.validation.motion_validation import MotionValidation, validate_motion
 from crane_model.model_file import Model
 
@@ -67,7 +65,8 @@ class Gap(HeldOut):
     `training_before` and `training_after`: errors on the recordings that models were fitted to.
     `uncertain`: error that the standard deviations of values that are kept allow. `motion_before`
     and `motion_after`: errors of the simulated motion. `loads` of the held-out recordings, which
-    `carried` holds beside what the model after has.
+    `carried` holds beside what the model after has. `sample_noise`: that of the held-out force, by
+    its scatter from sample to sample, over its rms.
     """
 
     training_before: np.ndarray
@@ -76,6 +75,7 @@ class Gap(HeldOut):
     motion_after: MotionValidation
     loads: tuple[Weighed, ...]
     carried: Model
+    sample_noise: np.ndarray
     uncertain: np.ndarray | float = 0.0
     trained: HeldOut | None = None
 
@@ -104,17 +104,21 @@ class Gap(HeldOut):
         """Errors (j,) over the noise floor; NaN where none is known."""
         return errors / np.maximum(self.floor, RESOLUTION)
 
-    def beyond_noise(self, errors: np.ndarray, factor: float) -> np.ndarray:
-        """Whether errors (j,) are more than the noise of recordings that repeat a motion, by a
-        factor, more than values that are kept may err, and more than lengths leave that were
-        surveyed.
+    def over_samples(self, errors: np.ndarray) -> np.ndarray:
+        """Errors (j,) over what the scatter of samples and surveyed lengths account for."""
+        return errors / np.hypot(self.sample_noise, self.method.surveyed_error)
+
+    def beyond_noise(self, errors: np.ndarray, gates: Gates) -> np.ndarray:
+        """Whether errors (j,) are more than noise: by a factor more than what a recording that
+        repeats its motion scatters by, and more than surveyed lengths leave; or by a factor more
+        than samples scatter by, as well where no period repeats, or does and scatters with an
+        effect that comes and goes. What values that are kept may err is noise in both.
         """
-        beyond: np.ndarray = (
-            (self.over_floor(errors) > factor)
-            & (errors > factor * self.uncertain)
-            & (errors > self.method.surveyed_error)
+        beyond: np.ndarray = (self.over_floor(errors) > gates.floor_factor) & (
+            errors > self.method.surveyed_error
         )
-        return beyond
+        beyond |= self.over_samples(errors) > gates.sample_noise_factor
+        return beyond & (errors > gates.floor_factor * self.uncertain)
 
 
 def measure(
@@ -130,7 +134,7 @@ def measure(
     The one after with the load of each of these, which is a property of that recording.
     """
     j = len(before.joints)
-    noise = noise_floor(averaged, held_out.runs[0].factor, j)
+    noise = scatter_of_periods(averaged, held_out.runs[0].factor, j)
     doubt = uncertain(held_out, after) if training.keeps else 0.0
     after, loads = with_own_loads(after, training, held_out)
     old, new = residual(held_out, before), residual(held_out, after)
@@ -152,6 +156,7 @@ def measure(
         motion_after=moved if after is before else validate_motion(after, records),
         loads=loads,
         carried=after,
+        sample_noise=scatter_of_samples(held_out) / _size(held_out),
         uncertain=doubt,
         trained=trained,
     )
@@ -161,9 +166,14 @@ def _errors(
     rows: Evidence, left: Sequence[np.ndarray], noise: np.ndarray, method: Method
 ) -> HeldOut:
     """Of the used rows: what is `left` (n, c) before, after and by the learner; `noise` (j,)."""
-    size = np.maximum(over_zones(rows, rows.force), np.finfo(float).tiny)
+    size = _size(rows)
     before, after, best = (over_zones(rows, values) / size for values in left)
     return HeldOut(rows.joints, before, after, noise / size, np.minimum(best, before), method)
+
+
+def _size(rows: Evidence) -> np.ndarray:
+    """Of the force (j,), above 0."""
+    return np.maximum(over_zones(rows, rows.force), np.finfo(float).tiny)
 
 
 def where_trained(training: Evidence, held_out: Evidence) -> Evidence:
@@ -186,16 +196,3 @@ def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
     assert model.std_devs is not None  # of values that are kept
     parts = evidence.regressor(model) * model.std_devs
     return relative(evidence, np.linalg.norm(parts, axis=2))
-
-
-def noise_floor(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:
-    """Root mean square noise (j,) of the filtered force, from the scatter between periods."""
-    powers = []
-    for preparation in averaged:
-        count = len(preparation.periods)
-        if count < 2:
-            continue
-        periods = np.stack([decimate(one, factor, True) for one in preparation.periods])
-        gate = decimate(preparation.signed.astype(float), factor, True) > OPEN
-        powers.append(noise_of_mean(periods, gate) ** 2 * count)
-    return np.sqrt(np.mean(powers, axis=0)) if powers else np.full(joints, np.nan)

@@ -107,6 +107,7 @@ def statistics(diagnosis: Diagnosis) -> AnswerStatistics:
         learner=law,
         strength=max([law, *(one for _, one in single[:1])]),
         floor=float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
+        sample_noise=float(gap.over_samples(gap.largest_before).max()),
         pulsation=max((line.clearness for line in diagnosis.proof.lines), default=0.0),
         flow=max((one.share for one in quantities if one.missing), default=0.0),
         flow_left=max((flow.unexplained for flow in diagnosis.flow.found), default=0.0),

@@ -23,6 +23,8 @@ class AnswerStatistics(ResultPart):
     """Of that or the best [-]."""
     floor: float
     """Largest error over the scatter between periods [-]; 0 where none was repeated."""
+    sample_noise: float
+    """The same over what the scatter of samples and surveyed lengths account for [-]."""
     pulsation: float
     """Clearness of the clearest line [-]; 0 where none was asked for."""
     flow: float

@@ -20,7 +20,12 @@ from crane_model.result_file import ResultFile
 
 PACKAGED = packaged("crane_identification", "discrepancy.yaml")
 OPEN = {
-    "gates": {"score_factor": 1e-3, "floor_factor": 1e6, "smallest_flow_share": 1e-9},
+    "gates": {
+        "score_factor": 1e-3,
+        "floor_factor": 1e6,
+        "sample_noise_factor": 1e6,
+        "smallest_flow_share": 1e-9,
+    },
     "method": {
         "further_share": 1.0,
         "explained_share": 0.0,
@@ -58,6 +63,7 @@ GATES = (
     GateStatistic("score_factor", "score", None),
     GateStatistic("smallest_strength", "strength", None),
     GateStatistic("floor_factor", "floor", 2.5),  # few periods say little of scatter
+    GateStatistic("sample_noise_factor", "sample_noise", 3.5),  # few machines pulsate in its band
     GateStatistic("pulsation_clearness", "pulsation", None),  # 72 other sets say more of it
     GateStatistic("smallest_flow_share", "flow", None),
     GateStatistic("unexplained_flow", "flow_left", 0.0),

@@ -37,7 +37,11 @@ ENOUGH = Reach(
 
 
 def gap(
-    before: float, after: float | None = None, floor: float = 0.0005, training: float | None = None
+    before: float,
+    after: float | None = None,
+    floor: float = 0.0005,
+    training: float | None = None,
+    samples: float = 0.0005,
 ) -> Gap:
     """Errors of the outer boom; the other joints err by noise alone."""
     noise = np.full(3, 0.0005)
@@ -57,6 +61,7 @@ def gap(
         motion_after=MOTION,
         loads=(),
         carried=MODEL,
+        sample_noise=np.full(3, samples),
         method=THRESHOLDS.method,
     )
 
@@ -164,11 +169,21 @@ def test_errors_of_either_recordings_count(held_out: float, training: float) -> 
     assert f"{held_out:.2%} on held-out" in found.reason and f"{training:.2%} on" in found.reason
 
 
-def test_where_no_motion_is_repeated_the_noise_is_said_not_to_be_known() -> None:
-    found = answer(seen=gap(0.039, floor=np.nan))
+@pytest.mark.parametrize("floor", [np.nan, 0.04])
+def test_errors_beyond_the_scatter_of_samples_are_at_least_unknown(floor: float) -> None:
+    """Where no motion is repeated, and where friction that comes and goes scatters with it."""
+    found = answer(seen=gap(0.039, floor=floor))
+    assert found.verdict is Verdict.UNKNOWN
+    assert "outer_boom errs by 3.90%" in found.reason
+    assert "25 times what the scatter of samples and surveyed lengths" in found.reason
+
+
+@pytest.mark.parametrize("samples", [0.0005, 0.012])
+def test_where_no_motion_is_repeated_samples_say_what_noise_is(samples: float) -> None:
+    found = answer(seen=gap(3.4 * np.hypot(samples, 0.0015), floor=np.nan, samples=samples))
     assert found.verdict is Verdict.NONE
+    assert "3.4 times what the scatter of samples" in found.reason
     assert "no held-out recording repeats its motion" in found.reason
-    assert "3.90% (outer_boom)" in found.reason
 
 
 def test_too_little_data_remains_too_little() -> None:
