@@ -2,8 +2,9 @@
 
 Friction that falls with the speed and a loss that rises beyond it are both bent upwards. Beside
 Coulomb and viscous friction, a law of the one that is not quite the machine's may fit the other. So
-families of curves are compared, not laws: the shape follows one of the right family closely. But no
-Coulomb friction is below zero, which a law that falls would leave where a strong loss bends.
+families of curves are compared, not laws: the shape follows one of the right family closely. But
+friction that has fallen is still there, of which a law that falls leaves nothing, or less, where a
+strong loss bends.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,12 +19,14 @@ from crane_identification.diagnosis.search.shapes import shape_of
 from crane_model.terms.drawn import DrawnTerm
 
 FALL_SHARE = 0.05  # of the height of a shape, by which friction falls at least where it does
+LEAD_SHARE = 0.003  # of what the own family explains, that another one explains more at least
+KINETIC_SHARE = 0.1  # of friction at rest, that is left of it at least where friction has fallen
 
 
 def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tuple[str, ...]:
-    """Types of the laws a curve of whose family explains more than any of that of `law`, beside the
-    `rest` (n, c, k each), and which fall where friction does, best first; none where the shape does
-    not tell. Those of a `law` that leaves no Coulomb friction need not explain more.
+    """Types of the laws a curve of whose family explains clearly more than any of that of `law`,
+    beside the `rest` (n, c, k each), and which fall where friction does, best first; none where the
+    shape does not tell. Those of a falling `law` that leaves no friction need not explain more.
     """
     cls, shaped = shape_of(law), search.shapes.of(law)
     if cls is None or shaped is None or law.type not in cls.families:
@@ -32,11 +35,12 @@ def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tupl
     friction = _friction(search, shaped, rest, cls)
     if friction is None:
         return ()
-    falls = friction.fallen > FALL_SHARE
+    gone = friction.left < KINETIC_SHARE * max(friction.at_rest, 0.0)
+    falls = friction.fallen > FALL_SHARE and not gone
     kinds = [kind for kind in cls.families if kind == law.type or (kind in cls.falling) == falls]
     gains = _gains(search, rest, shaped, {kind: shaped.term.family_of(kind) for kind in kinds})
-    own = gains.pop(law.type)
-    least = -np.inf if law.type in cls.falling and friction.left < 0.0 else own
+    own = (1.0 + LEAD_SHARE) * gains.pop(law.type)
+    least = -np.inf if law.type in cls.falling and gone else own
     better = [kind for kind, gain in gains.items() if gain > least]
     return tuple(sorted(better, key=lambda kind: -gains[kind]))
 
@@ -62,11 +66,12 @@ def _gains(
 
 
 class _Friction(NamedTuple):
-    """By how much friction has `fallen` with the speed at most, over the height of its shape, and
-    what is `left` of it at rest by the straight line that ends it.
+    """By how much friction has `fallen` with the speed at most, over the height of its shape, what
+    it is `at_rest`, and what is `left` of that by the straight line that ends it.
     """
 
     fallen: float
+    at_rest: float
     left: float
 
 
@@ -95,4 +100,5 @@ def _friction(
     fall = (np.maximum.accumulate(friction) - friction).max()
     ends = [cls.straight_from, -1]
     line = np.polyfit(speed[ends], friction[ends], 1)
-    return _Friction(float(fall / max(np.ptp(curve.values), np.finfo(float).tiny)), float(line[-1]))
+    fallen = float(fall / max(np.ptp(curve.values), np.finfo(float).tiny))
+    return _Friction(fallen, float(friction[0]), float(line[-1]))

@@ -37,8 +37,8 @@ class CaseSet(StrEnum):
 SEEDS = {
     CaseSet.TUNING: 0,
     CaseSet.CALIBRATION: 1,
-    CaseSet.FORMER: 20,
-    CaseSet.SCORING: 21,
+    CaseSet.FORMER: 21,
+    CaseSet.SCORING: 22,
     CaseSet.STRANGERS: 7,
     CaseSet.AWAY_TUNING: 12,
     CaseSet.AWAY_CLEAN: 13,
