@@ -141,7 +141,10 @@ def _from_commands(diagnosis: Diagnosis) -> list[CommandedGap]:
 
 def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:
     fit, trial, gap = diagnosis.fit, diagnosis.proof.trial, diagnosis.gap
-    errors = np.maximum(gap.after, gap.training_after)
+    errors, gates = np.maximum(gap.after, gap.training_after), diagnosis.thresholds.gates
+    beyond_noise = gap.beyond_noise(errors, gates)
+    if not trial.effects:  # beside effects, a machine leaves more than its sensors' noise always
+        beyond_noise |= gap.beyond_samples(errors, gates)
     return {
         joint: LeftResidual(
             white=bool(abs(correlation) < WHITE),
@@ -156,7 +159,7 @@ def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:
             correlation_left(fit.evidence, trial),
             trial.learnt.share,
             trial.law,
-            gap.beyond_noise(errors, diagnosis.thresholds.gates),
+            beyond_noise,
             regions(fit, trial),
             strict=True,
         )

@@ -76,7 +76,8 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
             Verdict.UNKNOWN,
             f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
         )
-    beyond = _beyond_noise(gap, gap.after, gap.training_before, thresholds.gates)
+    errors = gap.after, gap.training_before, thresholds.gates
+    beyond = _beyond_noise(gap, *errors) or _beyond_samples(gap, *errors)
     if beyond:
         return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     if reach.undetermined:
@@ -132,19 +133,30 @@ def _of_noise(gap: Gap) -> str:
 def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, gates: Gates) -> list[str]:
     """Where relative errors (j,) are more than noise, in words."""
     errors = np.maximum(held_out, training)
+    times = gap.over_floor(errors)
     return [
-        f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
-        f"{training[j]:.2%} on the others, up to {_times(gap, errors, j, gates)}"
+        f"{_errs(gap, held_out, training, j)}, up to {times[j]:.0f} times {OF_PERIODS}"
         for j in np.flatnonzero(gap.beyond_noise(errors, gates))
     ]
 
 
-def _times(gap: Gap, errors: np.ndarray, j: SupportsIndex, gates: Gates) -> str:
-    """How many times noise an error is, by what says most of it."""
-    periods, samples = gap.over_floor(errors)[j], gap.over_samples(errors)[j]
-    if not periods > gates.floor_factor:
-        return f"{samples:.0f} times {OF_SAMPLES}"
-    return f"{periods:.0f} times {OF_PERIODS}"
+def _beyond_samples(
+    gap: Gap, held_out: np.ndarray, training: np.ndarray, gates: Gates
+) -> list[str]:
+    """Where they are more than a model leaves from which nothing is missing, in words."""
+    errors = np.maximum(held_out, training)
+    times = gap.over_samples(errors)
+    return [
+        f"{_errs(gap, held_out, training, j)}, up to {times[j]:.0f} times {OF_SAMPLES}"
+        for j in np.flatnonzero(gap.beyond_samples(errors, gates))
+    ]
+
+
+def _errs(gap: Gap, held_out: np.ndarray, training: np.ndarray, j: SupportsIndex) -> str:
+    return (
+        f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
+        f"{training[j]:.2%} on the others"
+    )
 
 
 def _of_effects(proof: Proof, thresholds: Thresholds) -> Answer:

@@ -109,16 +109,25 @@ class Gap(HeldOut):
         return errors / np.hypot(self.sample_noise, self.method.surveyed_error)
 
     def beyond_noise(self, errors: np.ndarray, gates: Gates) -> np.ndarray:
-        """Whether errors (j,) are more than noise: by a factor more than what a recording that
-        repeats its motion scatters by, and more than surveyed lengths leave; or by a factor more
-        than samples scatter by, as well where no period repeats, or does and scatters with an
-        effect that comes and goes. What values that are kept may err is noise in both.
+        """Whether errors (j,) are more than the noise of recordings that repeat a motion, by a
+        factor, more than values that are kept may err, and more than lengths leave that were
+        surveyed.
         """
-        beyond: np.ndarray = (self.over_floor(errors) > gates.floor_factor) & (
-            errors > self.method.surveyed_error
+        beyond: np.ndarray = (
+            (self.over_floor(errors) > gates.floor_factor)
+            & (errors > gates.floor_factor * self.uncertain)
+            & (errors > self.method.surveyed_error)
         )
-        beyond |= self.over_samples(errors) > gates.sample_noise_factor
-        return beyond & (errors > gates.floor_factor * self.uncertain)
+        return beyond
+
+    def beyond_samples(self, errors: np.ndarray, gates: Gates) -> np.ndarray:
+        """Whether errors (j,) are more than nothing missing leaves, by the scatter of samples: also
+        where no period repeats, or does and scatters with an effect that comes and goes.
+        """
+        beyond: np.ndarray = (self.over_samples(errors) > gates.sample_noise_factor) & (
+            errors > gates.floor_factor * self.uncertain
+        )
+        return beyond
 
 
 def measure(
