@@ -178,6 +178,13 @@ def test_errors_beyond_the_scatter_of_samples_are_at_least_unknown(floor: float)
     assert "25 times what the scatter of samples and surveyed lengths" in found.reason
 
 
+def test_beside_a_name_the_scatter_of_samples_is_not_asked() -> None:
+    """A real machine leaves more than its sensors' noise beside any effect."""
+    seen = gap(0.2, 0.03, floor=0.04)
+    assert seen.beyond_samples(seen.after, THRESHOLDS.gates).any()
+    assert answer(after=AFTER, seen=seen).verdict is Verdict.NAMED
+
+
 @pytest.mark.parametrize("samples", [0.0005, 0.012])
 def test_where_no_motion_is_repeated_samples_say_what_noise_is(samples: float) -> None:
     found = answer(seen=gap(3.4 * np.hypot(samples, 0.0015), floor=np.nan, samples=samples))
