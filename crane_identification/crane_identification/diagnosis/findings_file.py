@@ -111,7 +111,7 @@ class GapSide(ResultPart):
     """Rms error of the force over that of the force [-]."""
     noise_floor: Number
     """Scatter between periods over the same; null where none was repeated [-]."""
-    sample_noise: Number
+    sample_noise: Number = None
     """What scatters from sample to sample, as far as rows hold it, over the same [-]."""
     best_achievable: Number
     """Error that a flexible learner reaches over the same [-]."""

@@ -94,6 +94,7 @@ def statistics(
         learner=learner,
         strength=0.0,
         floor=0.0,
+        sample_noise=1.0,
         pulsation=0.0,
         flow=0.0,
         flow_left=0.0,

@@ -31,14 +31,15 @@ def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tupl
     cls, shaped = shape_of(law), search.shapes.of(law)
     if cls is None or shaped is None or law.type not in cls.families:
         return ()
-    assert isinstance(shaped.term, cls)
     friction = _friction(search, shaped, rest, cls)
     if friction is None:
         return ()
     gone = friction.left < KINETIC_SHARE * max(friction.at_rest, 0.0)
     falls = friction.fallen > FALL_SHARE and not gone
     kinds = [kind for kind in cls.families if kind == law.type or (kind in cls.falling) == falls]
-    gains = _gains(search, rest, shaped, {kind: shaped.term.family_of(kind) for kind in kinds})
+    gains = _gains(
+        search, rest, shaped, {kind: cls.family_of(kind, friction.speeds) for kind in kinds}
+    )
     own = (1.0 + LEAD_SHARE) * gains.pop(law.type)
     least = -np.inf if law.type in cls.falling and gone else own
     better = [kind for kind, gain in gains.items() if gain > least]
@@ -67,9 +68,11 @@ def _gains(
 
 class _Friction(NamedTuple):
     """By how much friction has `fallen` with the speed at most, over the height of its shape, what
-    it is `at_rest`, and what is `left` of that by the straight line that ends it.
+    it is `at_rest`, and what is `left` of that by the straight line that ends it; and the `speeds`
+    (knots,) of the shape.
     """
 
+    speeds: np.ndarray
     fallen: float
     at_rest: float
     left: float
@@ -101,4 +104,4 @@ def _friction(
     ends = [cls.straight_from, -1]
     line = np.polyfit(speed[ends], friction[ends], 1)
     fallen = float(fall / max(np.ptp(curve.values), np.finfo(float).tiny))
-    return _Friction(fallen, float(friction[0]), float(line[-1]))
+    return _Friction(speed, fallen, float(friction[0]), float(line[-1]))

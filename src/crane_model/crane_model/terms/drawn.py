@@ -81,15 +81,15 @@ class DrawnTerm(OneJointTerm):
     def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
         """The m parameters of a knot, given the units of the joint's coordinate and force."""
 
-    def family_of(self, law: str) -> Array:
-        """Values at the kept knots (parameters, m) of the curves of a type of law, which are 0 at
-        both ends as the shape is.
+    @classmethod
+    def family_of(cls, law: str, knots: Array) -> Array:
+        """Values (parameters, m) of the curves of a type of law at the kept ones of the knots; they
+        are 0 at both ends, as the shape is.
         """
-        x = np.array(self.knots)
-        curves = self.families[law](x / x[-1])
-        line = (x - x[0]) / (x[-1] - x[0])
+        curves = cls.families[law](knots / knots[-1])
+        line = (knots - knots[0]) / (knots[-1] - knots[0])
         beside = curves - curves[0] - np.outer(line, curves[-1] - curves[0])
-        kept: Array = beside[list(self.kept)]
+        kept: Array = beside[list(cls.kept)]
         return kept
 
     def curves(self, values: Array) -> tuple[DrawnCurve, ...]:

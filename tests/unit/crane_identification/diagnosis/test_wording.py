@@ -45,7 +45,12 @@ def finding(**more: Any) -> dict[str, Any]:
 
 
 def side(outer: float) -> dict[str, Any]:
-    noise = {"noise_floor": 0.0005, "best_achievable": 0.0012, "motion_error": 0.0004}
+    noise = {
+        "noise_floor": 0.0005,
+        "sample_noise": 0.0006,
+        "best_achievable": 0.0012,
+        "motion_error": 0.0004,
+    }
     noise |= {"motion_displacement": 0.3, "motion_reason": ""}
     return {
         "inner_boom": {"force_relative_error": 0.0004, **noise},
