@@ -77,8 +77,7 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
             f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
         )
     errors = gap.after, gap.training_before, thresholds.gates
-    beyond = _beyond_noise(gap, *errors) or _beyond_samples(gap, *errors)
-    if beyond:
+    if beyond := _beyond_noise(gap, *errors):
         return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     if reach.undetermined:
         return Answer(
@@ -98,6 +97,8 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
             f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
             f"more{_better_known(gap)}",
         )
+    if beyond := _beyond_samples(gap, *errors):
+        return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     said = ", ".join(f"{least:.2%} on {joint}" for joint, least in reach.named.items())
     return Answer(
         Verdict.NONE,

@@ -178,6 +178,11 @@ def test_errors_beyond_the_scatter_of_samples_are_at_least_unknown(floor: float)
     assert "25 times what the scatter of samples and surveyed lengths" in found.reason
 
 
+def test_recordings_that_do_not_suffice_are_not_asked_for_the_scatter_of_samples() -> None:
+    reach = ENOUGH._replace(undetermined=("f_v.telescope",))
+    assert answer(seen=gap(0.039, floor=np.nan), reach=reach).verdict is Verdict.INSUFFICIENT
+
+
 def test_beside_a_name_the_scatter_of_samples_is_not_asked() -> None:
     """A real machine leaves more than its sensors' noise beside any effect."""
     seen = gap(0.2, 0.03, floor=0.04)
