@@ -1,4 +1,4 @@
-"""Families of curves by which friction that falls is told from a loss, beside laws of neither."""
+"""Families by which friction that falls is told from a loss, asked of laws off their grid."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def left(law: np.ndarray, family: str) -> float:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_law_of_neither_is_followed_best_by_the_family_of_its_physics(name: str) -> None:
+def test_a_law_is_followed_best_by_the_family_of_its_physics(name: str) -> None:
     family, law = LAWS[name]
     (other,) = DrawnSpeedFriction.families.keys() - {family}
     assert left(law, family) < 0.5 * left(law, other)

@@ -14,8 +14,7 @@ from crane_model.terms.friction_load import on_pads, pressing
 from crane_model.terms.term import Family, Parameter, Setting
 
 LOW_SPEED = 0.3
-"""Of the fastest one: by what share of it a friction that dies out has done so, to a third at most,
-and a loss that has an onset has begun."""
+"""Share of the fastest speed up to which the w of the curves below goes."""
 
 
 def dying_out(speed: Array) -> Array:

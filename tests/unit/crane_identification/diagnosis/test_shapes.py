@@ -60,9 +60,7 @@ def falling(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def dying(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Stribeck friction that is gone where half of the range of speeds begins, without a fall of
-    all friction.
-    """
+    """Stribeck friction that is gone only beyond half of the range of speeds."""
     return np.sign(v) * np.maximum(1.0 - np.abs(v) / (2.5 * KNEE), 0.0) ** 1.7
 
 
