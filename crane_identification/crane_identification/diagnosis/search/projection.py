@@ -21,8 +21,9 @@ class Projection:
     """Candidates as columns (N, K) of norm one beside the base, and the residual (N,) of the base.
 
     `owner` (K,) is the number of the candidate of each column, `positive` (K,) its sign constraint,
-    `scale` (K,) what one unit of the parameter weighs, `visibility` per candidate, that of its
-    least visible column in the zone that most of its rest lies in.
+    `largest` (K,) the size of its coefficient, beyond which it is no such effect, `scale` (K,) what
+    one unit of the parameter weighs, `visibility` per candidate, that of its least visible column
+    in the zone that most of its rest lies in.
     """
 
     candidates: tuple[ShapedCandidate, ...]
@@ -32,6 +33,12 @@ class Projection:
     positive: np.ndarray
     scale: np.ndarray
     visibility: np.ndarray
+
+    @cached_property
+    def largest(self) -> np.ndarray:
+        """Of the coefficients (K,), by the size that the parameters of an effect may have."""
+        limits = np.array([one.candidate.effect.largest for one in self.candidates])
+        return limits[self.owner] * self.scale
 
     @cached_property
     def gram(self) -> np.ndarray:

@@ -27,7 +27,8 @@ def larger_sets(projection: Projection, beam: Sequence[Subset]) -> list[Subset]:
     """The sets with one candidate more than those of `beam` that gain most, best first.
 
     One set of shapes for each set of candidates. Sets in which a parameter has the wrong sign do
-    not count: without that candidate they are no worse.
+    not count: without that candidate they are no worse. Nor do those in which one is larger than
+    its effect may be: columns that are nearly the same fit anything, if their values are opposite.
     """
     found: dict[frozenset, Subset] = {}
     for start in beam:
@@ -39,7 +40,7 @@ def larger_sets(projection: Projection, beam: Sequence[Subset]) -> list[Subset]:
 
 
 def extended(projection: Projection, start: Subset) -> Iterator[Subset]:
-    """`start` with each further candidate, at its best shape, where all signs are right."""
+    """`start` with each further candidate, at its best shape, where signs and sizes are right."""
     inside = [c for i in start.numbers for c in projection.columns_of[i]]
     gram, score = _without(projection, inside)
     present = {projection.candidates[i].candidate for i in start.numbers}
@@ -74,7 +75,9 @@ def _solved_each(
             each = (*numbers, further[places[i]])
             if wrong:
                 out[places[i]] = solve(projection, each)
-            elif np.logical_or.reduceat(values != 0.0, begins).all():
+            elif np.logical_or.reduceat(values != 0.0, begins).all() and _possible(
+                projection, columns[i], values
+            ):
                 gain = float(values @ projection.score[columns[i]])
                 out[places[i]] = Subset(each, gain, values)
     return out
@@ -159,19 +162,25 @@ def constrained(gram: np.ndarray, score: np.ndarray, positive: np.ndarray) -> np
 
 
 def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
-    """Joint solution of a set of candidates; None where a sign is wrong or columns coincide.
+    """Joint solution of a set of candidates; None where a sign is wrong, a parameter is larger than
+    its effect may be, or columns coincide.
 
     A constrained parameter of a candidate with several may rest at zero.
     """
     columns = np.concatenate([projection.columns_of[i] for i in numbers])
     gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
     values = constrained(gram, score, projection.positive[columns])
-    if values is None:
+    if values is None or not _possible(projection, columns, values):
         return None
     for number in numbers:
         if not values[projection.owner[columns] == number].any():
             return None
     return Subset(numbers, float(values @ score), values)
+
+
+def _possible(projection: Projection, columns: np.ndarray, values: np.ndarray) -> bool:
+    """Whether no coefficient is larger than the effect of its column may be."""
+    return bool((np.abs(values) <= projection.largest[columns]).all())
 
 
 def _without(projection: Projection, inside: list[int]) -> tuple[np.ndarray, np.ndarray]:

@@ -39,6 +39,7 @@ class Effect(NamedTuple):
     follows: tuple[Variable, ...] = ()  # what its force depends on, first that which shows it best
     formless: bool = False  # one factor of what the model has: no law whose form could differ
     usual: float = 0.0  # size of its parameters that any sound machine may have
+    largest: float = float("inf")  # size of its parameters, beyond which it is no such effect
 
 
 class DrawnCurve(NamedTuple):

@@ -23,6 +23,7 @@ from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
 from crane_model.terms.term import Family, Parameter, Setting
 
 USUAL_SCALE = 0.005  # that a survey of pins and transducers of class 0.5 % leave
+LARGEST_SCALE = 0.7  # a transducer taken for one of the next range, as 250 for 400 bar, makes 0.6
 
 
 class OfBodies(OneJointTerm):
@@ -81,6 +82,7 @@ class PressureGain(ForceScale):
         follows=("force",),
         formless=True,
         usual=USUAL_SCALE,
+        largest=LARGEST_SCALE,
     )
 
     @override
@@ -110,6 +112,7 @@ class LinkageScale(ForceScale):
         follows=("force",),
         formless=True,
         usual=USUAL_SCALE,
+        largest=LARGEST_SCALE,
     )
 
     @override

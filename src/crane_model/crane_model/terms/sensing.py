@@ -19,7 +19,7 @@ from crane_model.terms.chambers import (
 )
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.filtered_reading import led
-from crane_model.terms.force_scale import USUAL_SCALE, ForceScale, OfBodies
+from crane_model.terms.force_scale import LARGEST_SCALE, USUAL_SCALE, ForceScale, OfBodies
 from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.planar import planar_machine
 from crane_model.terms.term import Family, Parameter, Setting
@@ -82,6 +82,7 @@ class ChamberGain(OneJointTerm):
         "both transducers on one pressure, at several pressures",
         follows=("pressure of chamber B",),
         usual=USUAL_SCALE,
+        largest=LARGEST_SCALE,
     )
 
     @override
@@ -119,6 +120,7 @@ class ChamberAGain(ForceScale):
         law_of="chamber_gain",
         follows=("pressure of chamber B", "force"),
         usual=USUAL_SCALE,
+        largest=LARGEST_SCALE,
     )
 
     @override

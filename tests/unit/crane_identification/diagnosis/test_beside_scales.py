@@ -15,10 +15,11 @@ from crane_identification.thresholds import load_thresholds
 
 THRESHOLDS = load_thresholds()
 A, B, C = np.linalg.qr(normal(1, ROWS, 3))[0].T * np.sqrt(ROWS)
+FORCE = 100.0  # that is scaled, where what is missing is some
 SCALES = {
-    ("linkage_scale", "a"): A,
-    ("linkage_scale", "b"): B,
-    ("pressure_gain", "c"): (A + B) / np.sqrt(2.0),  # of three joints' scales, two are free
+    ("linkage_scale", "a"): FORCE * A,
+    ("linkage_scale", "b"): FORCE * B,
+    ("pressure_gain", "c"): FORCE * (A + B) / np.sqrt(2.0),  # of three joints' scales, two are free
 }
 STIFFNESS = {("hose_stiffness", "d"): C}
 

@@ -161,7 +161,7 @@ def test_what_the_best_leaves_unexplained_is_asked_of_its_lead() -> None:
 
 def test_of_laws_that_gain_alike_the_one_with_less_freedom_is_taken() -> None:
     """The other one, with a column more, always gains a little more."""
-    wider = np.stack([A + 0.1 * C, A - 0.1 * C], axis=1)
+    wider = 100.0 * np.stack([A + 0.1 * C, A - 0.1 * C], axis=1)  # of pressure
     found = searched({"chamber_gain": wider, "offset": A}, 2.0 * A)
     first = found.projection.candidates[Race(found).sets(1)[0].numbers[0]]
     assert first.candidate.type == "chamber_gain"
@@ -171,7 +171,7 @@ def test_of_laws_that_gain_alike_the_one_with_less_freedom_is_taken() -> None:
 
 
 def test_a_law_with_more_freedom_that_needs_it_is_taken() -> None:
-    wider = np.stack([A + 0.1 * C, A - 0.1 * C], axis=1)
+    wider = 100.0 * np.stack([A + 0.1 * C, A - 0.1 * C], axis=1)  # of pressure
     found = searched({"chamber_gain": wider, "offset": A}, 2.0 * A + C)
     assert names(decided(found)) == ["chamber_gain"]
 

@@ -1,5 +1,6 @@
 """Projection, search over sets and the null distribution, on columns made up for the purpose."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from crane_model.terms import REGISTRY
 
 ROWS = 400
 SHAPELESS = (
-    *("actuator_inertia", "relaxing_force", "load_friction", "seal_friction", "pad_friction"),
+    *("actuator_inertia", "pressure_offset", "load_friction", "seal_friction", "pad_friction"),
     *("hose_stiffness", "coulomb", "viscous", "viscous_quadratic", "rotor_inertia", "offset"),
 )
 
@@ -75,6 +76,22 @@ def test_a_pair_is_found_behind_a_column_that_resembles_their_sum() -> None:
     single, pair = (size[0] for size in best_sets(made, 2))
     assert names(made, single.numbers) == {"hose_stiffness"}
     assert names(made, pair.numbers) == {"stribeck", "backlash"}
+
+
+@pytest.mark.parametrize(("gain", "counts"), [(0.6, True), (-0.9, False)])
+def test_no_scale_is_larger_than_a_transducer_of_another_range_makes(
+    gain: float, counts: bool
+) -> None:
+    """Two columns that are nearly the same fit anything, with values of opposite signs."""
+    rng = np.random.default_rng(3)
+    force, small = rng.standard_normal((2, ROWS))
+    alike = {"pressure_gain": force, "load_friction": force + 0.05 * small}
+    made = projection(alike, force)
+    made = replace(made, residual=gain * (made.columns[:, 0] - made.columns[:, 1]))
+    pairs = best_sets(made, 2)[1]
+    assert bool(pairs) is counts
+    assert (solve(made, (0, 1)) is not None) is counts
+    assert solve(made, (1,)) is not None
 
 
 def test_gain_is_that_of_least_squares() -> None:
