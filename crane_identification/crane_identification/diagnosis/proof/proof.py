@@ -78,7 +78,7 @@ def proved(
             failing = [
                 Short(one, said)
                 for one in trial.effects[1:]
-                if (said := unmoved(one, gap, thresholds))
+                if (said := unmoved(fit, search, trial, one, gap, thresholds))
             ]
         if not failing:
             failing = spoiling(fit, search, trial, gap, thresholds)
@@ -114,19 +114,30 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     )
 
 
-def unmoved(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
+def unmoved(
+    fit: Fitted, search: Search, trial: Trial, one: Judged, gap: Gap, thresholds: Thresholds
+) -> str:
     """Why a further effect is no name: with all effects, hardly less is left on any joint that it
-    acts on; empty if it is less.
+    acts on; empty if it is less. A scale acts on each joint that moves the bodies whose force it
+    scales: without it, more must be left somewhere.
     """
-    own, held_to = _joints_of(one, gap), gap.held_to
-    ratio = held_to.after[own] / np.maximum(held_to.before[own], RESOLUTION)
-    least = thresholds.method.fallen_share
-    if (1.0 - ratio**2 >= least).any():
+    own, held_to, least = _joints_of(one, gap), gap.held_to, thresholds.method.fallen_share
+    if _falls(held_to.before[own], held_to.after[own], least):
         return ""
+    if one.shaped.candidate.effect.formless:
+        rest = [other for other in trial.effects if other is not one]
+        if _falls(held_out_error(fit, search, rest), held_to.after, least):
+            return ""
     return (
         f"with it, {', '.join(gap.moved(j) for j in own)}; a further effect should lessen its "
         f"energy by {least:.0%}"
     )
+
+
+def _falls(before: np.ndarray, after: np.ndarray, least: float) -> bool:
+    """Whether one of the errors (j,) falls by so much of its energy at least."""
+    ratio = after / np.maximum(before, RESOLUTION)
+    return bool((1.0 - ratio**2 >= least).any())
 
 
 def spoiling(
