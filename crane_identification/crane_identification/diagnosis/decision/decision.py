@@ -19,6 +19,7 @@ from crane_identification.diagnosis.decision.factors import best_pair, gain_of_f
 from crane_identification.diagnosis.decision.form import of_one_form
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
 from crane_identification.diagnosis.decision.likeness import simplest
+from crane_identification.diagnosis.decision.of_lengths import without_those_of_lengths
 from crane_identification.diagnosis.decision.several import as_kinds, on_several_joints
 from crane_identification.diagnosis.decision.shape import (
     as_drawn,
@@ -67,6 +68,8 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
     passed = beside_drawn(as_drawn(race, passed, thresholds))
     if start_beside(race, passed):
         passed = _largest(_growing(race, passed, first_threshold, thresholds), passed)
+    if not settled:
+        passed = without_those_of_lengths(race.search, passed, thresholds)
     passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)
     passed = tuple(sorted(passed, key=lambda one: -one.score))
     if settled or first is None:

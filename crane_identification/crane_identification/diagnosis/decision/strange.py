@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
-from crane_identification.diagnosis.decision.factors import factors
 from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.decision.of_lengths import is_of_lengths
 from crane_identification.diagnosis.decision.shape import chance_of
 from crane_identification.diagnosis.search.energy import explained, strength_on, unexplained
 from crane_identification.diagnosis.search.lengths import beside_lengths
@@ -90,29 +90,14 @@ def _most_of(
             continue
         before = np.concatenate([search.evidence.free, *rest], axis=2)
         gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
-        if helps(gains, thresholds) and not of_lengths(search, rest, other, lead, thresholds):
+        of_sensors = other.term.is_of_sensors()  # lengths leave such a force
+        if of_sensors and is_of_lengths(
+            search, beside_lengths(search), rest, other.columns, thresholds
+        ):
+            continue
+        if helps(gains, thresholds):
             best, most = other, lead
     return best
-
-
-def of_lengths(
-    search: Search,
-    rest: Sequence[np.ndarray],
-    other: ForceSignature,
-    lead: float,
-    thresholds: Thresholds,
-) -> bool:
-    """Whether a signature of sensors gains less than half of its `lead` beside lengths that are off
-    on all joints: those leave such a force, and need not be sure to do so.
-    """
-    if not other.term.is_of_sensors():
-        return False
-    longer = beside_lengths(search)
-    scales = [longer.projection.candidates[number].columns for number in factors(longer)]
-    known = [*rest, *scales]
-    before = explained(longer, *known) if known else 0.0
-    gained = explained(longer, *known, other.columns) - before
-    return gained < thresholds.method.simple_share * lead
 
 
 def _left_by_form(found: Sequence[Judged], joint: str, thresholds: Thresholds) -> float:

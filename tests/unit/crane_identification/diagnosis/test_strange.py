@@ -15,10 +15,12 @@ from unit.crane_identification.synthetic import crane_log, crane_model
 from crane_identification.diagnosis.decision.decision import Decision, decide
 from crane_identification.diagnosis.decision.factors import factors
 from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.decision.strange import of_lengths, suspected, with_strange
+from crane_identification.diagnosis.decision.of_lengths import is_of_lengths
+from crane_identification.diagnosis.decision.strange import suspected, with_strange
 from crane_identification.diagnosis.fit.evidence import gather
 from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
 from crane_identification.diagnosis.search.energy import explained
+from crane_identification.diagnosis.search.lengths import beside_lengths
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search, search
 from crane_identification.diagnosis.search.shapes import ForceSignature, Shapes
@@ -105,7 +107,7 @@ def bends(made: Search, known: list[np.ndarray]) -> bool:
     lead = max(leads)
     one = bending[leads.index(lead)]
     assert lead > 100.0
-    return of_lengths(made, known, one, lead, THRESHOLDS)
+    return is_of_lengths(made, beside_lengths(made), known, one.columns, THRESHOLDS)
 
 
 def test_what_lengths_that_are_off_leave_bends_with_a_pressure() -> None:
