@@ -13,6 +13,7 @@ import numpy as np
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.decision.of_lengths import is_of_lengths
+from crane_identification.diagnosis.decision.rising import falls
 from crane_identification.diagnosis.decision.shape import chance_of
 from crane_identification.diagnosis.search.energy import explained, strength_on, unexplained
 from crane_identification.diagnosis.search.lengths import beside_lengths
@@ -41,7 +42,8 @@ def with_strange(
 
     `threshold` is what chance gives to the best effect of the catalogue.
     """
-    kept, said = list(found), []
+    found, said = _without_falling(search, found, thresholds)
+    kept = list(found)
     numbers = tuple(search.number(one.shaped) for one in found)
     subset = (solve(search.projection, numbers) if numbers else None) or NOTHING
     joints = search.evidence.joints
@@ -61,6 +63,22 @@ def with_strange(
                 if one.shaped.candidate.joint != joint or not _instead(search, found, one, other)
             ]
     return Strange(tuple(kept), tuple(said))
+
+
+def _without_falling(
+    search: Search, found: Sequence[Judged], thresholds: Thresholds
+) -> tuple[list[Judged], list[str]]:
+    """The effects without those of a shape that falls where their laws rise, and these in words."""
+    kept, said = [], []
+    for one in found:
+        candidate = one.shaped.candidate
+        rest = _columns([other for other in found if other is not one])
+        if candidate.drawn and falls(search, one.shaped, rest, thresholds):
+            force = f"on {candidate.joint} there is {candidate.effect.signature}, and falls"
+            said.append(f"{force}, as of no effect of the catalogue")
+        else:
+            kept.append(one)
+    return kept, said
 
 
 def _most_of(

@@ -32,7 +32,8 @@ class DrawnTerm(OneJointTerm):
     their signature in words. Where laws of one signature differ in how they bend, `families` has
     the curves (knots, m) of each over the knots, the last of which is at 1, `falling` those whose
     force falls and is straight from the knot `straight_from` on, `slope_of` and `height_of` the
-    types of the terms that hold the slope of the shape and its height at rest.
+    types of the terms that hold the slope of the shape and its height at rest. Where every law of
+    the signature `rises` with x, the shape is 0 at its first knot alone, and has one factor.
     """
 
     said: ClassVar[str]
@@ -46,6 +47,7 @@ class DrawnTerm(OneJointTerm):
     slope_of: ClassVar[str | None] = None
     height_of: ClassVar[str | None] = None
     straight: ClassVar[bool] = False
+    rises: ClassVar[bool] = False
 
     knots: tuple[float, ...]
 

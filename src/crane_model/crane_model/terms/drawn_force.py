@@ -26,6 +26,7 @@ class DrawnPositionForce(DrawnTerm):
     spacing: ClassVar[tuple[float, ...]] = tuple(k / 8 for k in range(9))
     kept: ClassVar[tuple[int, ...]] = tuple(range(1, 9))
     times: ClassVar[tuple[str, ...]] = ("1",)
+    rises: ClassVar[bool] = True
 
     knots: tuple[float, ...] = Field(examples=[tuple(-2.5 + 0.25 * k for k in range(9))])
 
