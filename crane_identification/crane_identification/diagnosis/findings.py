@@ -143,7 +143,7 @@ def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:
     fit, trial, gap = diagnosis.fit, diagnosis.proof.trial, diagnosis.gap
     errors, gates = np.maximum(gap.after, gap.training_after), diagnosis.thresholds.gates
     beyond_noise = gap.beyond_noise(errors, gates)
-    if not trial.effects:  # beside effects, a machine leaves more than its sensors' noise always
+    if trial.formless:  # laws always leave more than the noise of sensors
         beyond_noise |= gap.beyond_samples(errors, gates)
     return {
         joint: LeftResidual(

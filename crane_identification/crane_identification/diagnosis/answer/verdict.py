@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from types import MappingProxyType
-from typing import NamedTuple, SupportsIndex
+from typing import NamedTuple
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
             f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
         )
     errors = gap.after, gap.training_before, thresholds.gates
-    if beyond := _beyond_noise(gap, *errors):
+    if beyond := _beyond(gap, *errors, OF_PERIODS):
         return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     if reach.undetermined:
         return Answer(
@@ -97,7 +97,7 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
             f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
             f"more{_better_known(gap)}",
         )
-    if beyond := _beyond_samples(gap, *errors):
+    if beyond := _beyond(gap, *errors, OF_SAMPLES):
         return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     said = ", ".join(f"{least:.2%} on {joint}" for joint, least in reach.named.items())
     return Answer(
@@ -131,33 +131,20 @@ def _of_noise(gap: Gap) -> str:
     )
 
 
-def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, gates: Gates) -> list[str]:
-    """Where relative errors (j,) are more than noise, in words."""
-    errors = np.maximum(held_out, training)
-    times = gap.over_floor(errors)
-    return [
-        f"{_errs(gap, held_out, training, j)}, up to {times[j]:.0f} times {OF_PERIODS}"
-        for j in np.flatnonzero(gap.beyond_noise(errors, gates))
-    ]
-
-
-def _beyond_samples(
-    gap: Gap, held_out: np.ndarray, training: np.ndarray, gates: Gates
+def _beyond(
+    gap: Gap, held_out: np.ndarray, training: np.ndarray, gates: Gates, scatter: str
 ) -> list[str]:
-    """Where they are more than a model leaves from which nothing is missing, in words."""
+    """Where relative errors (j,) are more than noise is by the `scatter`, in words."""
     errors = np.maximum(held_out, training)
-    times = gap.over_samples(errors)
+    if scatter == OF_PERIODS:
+        times, beyond = gap.over_floor(errors), gap.beyond_noise(errors, gates)
+    else:
+        times, beyond = gap.over_samples(errors), gap.beyond_samples(errors, gates)
     return [
-        f"{_errs(gap, held_out, training, j)}, up to {times[j]:.0f} times {OF_SAMPLES}"
-        for j in np.flatnonzero(gap.beyond_samples(errors, gates))
-    ]
-
-
-def _errs(gap: Gap, held_out: np.ndarray, training: np.ndarray, j: SupportsIndex) -> str:
-    return (
         f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
-        f"{training[j]:.2%} on the others"
-    )
+        f"{training[j]:.2%} on the others, up to {times[j]:.0f} times {scatter}"
+        for j in np.flatnonzero(beyond)
+    ]
 
 
 def _of_effects(proof: Proof, thresholds: Thresholds) -> Answer:
@@ -194,7 +181,8 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
         said.append(f"something more is missing, a law that is left on {_listed(gap, trial.law)}")
     if trial.left_share > method.left_share:
         said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
-    said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.gates)
+    for scatter in (OF_PERIODS, OF_SAMPLES) if trial.formless else (OF_PERIODS,):
+        said += _beyond(gap, gap.after, gap.training_after, thresholds.gates, scatter)
     worse = gap.after > method.worse_factor * np.fmax(gap.before, method.clean_factor * gap.floor)
     acting = _acting(proof)
     said += [

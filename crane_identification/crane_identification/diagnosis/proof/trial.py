@@ -44,6 +44,11 @@ class Trial:
     learning: Callable[[], Learnt]
     thresholds: Thresholds
 
+    @property
+    def formless(self) -> bool:
+        """Whether no effect has a law, which leaves something where it is not the machine's."""
+        return all(one.shaped.candidate.effect.formless for one in self.effects)
+
     @cached_property
     def learnt(self) -> Learnt:
         """What could be learnt; it takes a second and more, so only where it is asked for."""

@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from crane_identification.diagnosis.answer.answer import with_loads, with_pulsation
 from crane_identification.diagnosis.answer.verdict import Answer, Reach, Verdict, judge
 from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.proof import proof
 from crane_identification.diagnosis.proof.extension import Value
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.learner import Learnt
@@ -190,6 +192,14 @@ def test_beside_a_name_the_scatter_of_samples_is_not_asked() -> None:
     assert answer(after=AFTER, seen=seen).verdict is Verdict.NAMED
 
 
+def test_beside_a_scale_the_scatter_of_samples_is_asked() -> None:
+    """It has no law, of which something would be left."""
+    seen = gap(0.2, 0.03, floor=0.04)
+    found = answer(after=trial(effect("linkage_scale"), energy=500.0), seen=seen)
+    assert found.verdict is Verdict.AND_MORE
+    assert "19 times what the scatter of samples" in found.reason
+
+
 @pytest.mark.parametrize("samples", [0.0005, 0.012])
 def test_where_no_motion_is_repeated_samples_say_what_noise_is(samples: float) -> None:
     found = answer(seen=gap(3.4 * np.hypot(samples, 0.0015), floor=np.nan, samples=samples))
@@ -250,10 +260,25 @@ def test_an_effect_that_widens_the_gap_is_said_to() -> None:
 @pytest.mark.parametrize(("after", "names"), [(0.0010, True), (0.00125, True), (0.00130, False)])
 def test_a_further_effect_leaves_less_where_it_acts(after: float, names: bool) -> None:
     """13 % less of the energy, and 6 %."""
-    said = unmoved(effect(), gap(0.00134, after), THRESHOLDS)
+    nothing: Any = None  # no scale
+    said = unmoved(nothing, nothing, nothing, effect(), gap(0.00134, after), THRESHOLDS)
     assert (said == "") is names
     if said:
         assert said.startswith("with it, the held-out error of outer_boom stays at 0.13%")
+
+
+@pytest.mark.parametrize(("without", "names"), [(0.0006, True), (0.00051, False)])
+def test_a_scale_counts_where_it_moves_the_same_bodies(
+    monkeypatch: pytest.MonkeyPatch, without: float, names: bool
+) -> None:
+    """It leaves as much on its own joint, and 0.05 % on the telescope, with it."""
+    monkeypatch.setattr(proof, "held_out_error", lambda *_: np.array([0.0005, 0.001, without]))
+    trial: Any = SimpleNamespace(effects=())
+    nothing: Any = None
+    seen = gap(0.001, 0.001)
+    for kind in ("linkage_scale", "load_friction"):
+        said = unmoved(nothing, nothing, trial, effect(kind), seen, THRESHOLDS)
+        assert (said == "") is (names and kind == "linkage_scale")
 
 
 def test_a_name_that_closes_no_gap_is_unknown() -> None:
