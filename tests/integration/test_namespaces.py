@@ -19,7 +19,7 @@ from crane_identification.data.bag_log import read_bag
 
 RECORDER = RUN.format(module="crane_nodes.recording.recorder")
 BAGS = ("bag", "next_bag", "last_bag")
-HEARD = 20.0  # s
+HEARD = 60.0  # s; a busy computer takes 20 to start a recorder and to tell what it hears
 TRAVEL = 0.02  # rad
 SHARED = {"/diagnostics"}  # by all nodes of a domain; names of statuses begin with the node's
 READY = {
