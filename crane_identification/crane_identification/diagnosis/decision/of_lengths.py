@@ -57,7 +57,7 @@ def _gain(search: Search, rest: Sequence[np.ndarray], columns: np.ndarray) -> fl
 
 
 def _gain_of_lengths(search: Search, longer: Search, rest: Sequence[np.ndarray]) -> float:
-    """The same of lengths that are off, and of scales."""
+    """What lengths that are off, and scales, explain more than the `rest` does."""
     before, after = (float(one.base.residual @ one.base.residual) for one in (search, longer))
     known = _explained(search, rest)
     return before - after + _explained(longer, [*rest, *_scales(longer)]) - known

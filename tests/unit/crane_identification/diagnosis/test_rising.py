@@ -27,7 +27,7 @@ Law = Callable[[np.ndarray], np.ndarray]
 )
 @pytest.mark.parametrize("beside", [0.0, 5.0])
 def test_a_shape_that_falls_is_no_hose(law: Law, falling: bool, beside: float) -> None:
-    """Beside another effect as well, whose column is like that of a spring."""
+    """Beside another effect as well."""
     found = searched(law(Q) + beside * OTHER, OTHER)
     shape = found.shapes.of(found.projection.candidates[0].candidate)
     assert shape is not None
@@ -36,7 +36,7 @@ def test_a_shape_that_falls_is_no_hose(law: Law, falling: bool, beside: float) -
 
 
 def test_what_falls_by_chance_is_a_hose() -> None:
-    """A shape without any force falls at half of its knots."""
+    """A shape of noise alone falls somewhere."""
     found = searched(made.normal(7), OTHER)
     shape = found.shapes.of(found.projection.candidates[0].candidate)
     assert shape is not None
@@ -45,7 +45,7 @@ def test_what_falls_by_chance_is_a_hose() -> None:
 
 @pytest.mark.parametrize(("steepness", "named"), [(0.0, True), (16.0, False)])
 def test_a_spring_that_snaps_is_of_no_effect(steepness: float, named: bool) -> None:
-    """It holds back over the whole of the range, but not everywhere in it."""
+    """It holds back about its centre, and pushes beyond."""
     force = 9.0 * np.tanh(Q) + steepness * np.sin(1.5 * Q)
     found = decide(Race(searched(force, OTHER)), THRESHOLDS)
     assert bool(found.passed) is named
