@@ -106,7 +106,7 @@ def _drawn(evidence: Evidence, candidate: Candidate) -> ShapedCandidate | None:
         followed = [cls.followed(run.record, j)[run.kept] for run in evidence.runs]
         given = (("knots", cls.over(np.concatenate(followed)[evidence.used[:, j]])),)
         drawn = at_shape(evidence, Drawn(candidate.term, candidate.joint, given, by=cls), {})
-    except (CraneError, ValueError):  # not logged, or it did not change
+    except (CraneError, ValueError):  # not logged, never but close to reversals, or unchanged
         return None
     over_force = cls.variable.startswith("force")
     own = over_force and is_the_force_itself(evidence, drawn.term, candidate.where)

@@ -66,7 +66,7 @@ class DrawnTerm(OneJointTerm):
 
     @classmethod
     def over(cls, x: Array) -> tuple[float, ...]:
-        """The knots for values (n,) of x."""
+        """The knots for values (n,) of x; `ValueError` if there are none."""
         low, high = float(x.min()), float(x.max())
         return rounded(low + (high - low) * np.array(cls.spacing))
 

@@ -192,6 +192,8 @@ class DrawnWarmUp(DrawnTerm):
     @classmethod
     def over(cls, x: Array) -> tuple[float, ...]:
         """By how many samples are earlier: between recordings nothing is known."""
+        if not len(x):
+            raise ValueError("knots: no sample to lay them over")
         return rounded(np.quantile(x, cls.spacing))
 
     @classmethod
