@@ -189,6 +189,23 @@ def test_what_becomes_of_an_effect_whose_entry_is_left_out(given, left):
     assert became(STRIBECK, given) is left
 
 
+SCALE = (("linkage_scale", "outer_boom"), ("pressure_gain", "outer_boom"))
+
+
+@pytest.mark.parametrize(
+    ("given", "left"),
+    [
+        (answer("class", SCALE), Left.SILENT),
+        (answer("named_and_more", SCALE), Left.UNKNOWN),
+        (answer("class", SCALE, (("presliding", "telescope"),)), Left.DECLARED_CLASS),
+        (answer("class", SCALE, (("hose_mass", "all"),)), Left.WRONG),
+    ],
+)
+def test_what_is_said_of_lengths_that_are_off_is_no_name_of_an_effect_left_out(given, left):
+    assert became(STRIBECK, given, off=True) is left
+    assert became(STRIBECK, given) is Left.WRONG
+
+
 def test_what_tilts_the_base_may_be_taken_for_zeros_of_the_encoders_of_several_joints():
     zeros = (("encoder_offset", "outer_boom"), ("encoder_offset", "inner_boom"))
     assert became(("base_tilt", "all"), answer("class", zeros)) is Left.DECLARED_CLASS

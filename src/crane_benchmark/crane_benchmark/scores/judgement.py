@@ -117,13 +117,17 @@ def judge(
     if verdict == "none":
         shown = above_noise or kind is not CaseKind.LENGTHS
         return Judgement.MISSED if shown else Judgement.RIGHT
-    of_lengths = [one for one in answer.findings if off and _of_lengths(one, hidden)]
-    rest = answer.model_copy(
-        update={"findings": tuple(one for one in answer.findings if one not in of_lengths)}
-    )
+    rest = without_lengths(answer, hidden) if off else answer
+    of_lengths = (one for one in answer.findings if one not in rest.findings)
     wide = any(effect not in SCALES for members in of_lengths for effect, _ in members)
     outcome = _beside_lengths(kind, hidden, rest, twin)
     return Judgement.TOO_WIDE if wide and outcome is Judgement.RIGHT else outcome
+
+
+def without_lengths(answer: BlindAnswer, hidden: Sequence[Place]) -> BlindAnswer:
+    """The answer without what is said of lengths that are not the file's."""
+    rest = tuple(one for one in answer.findings if not _of_lengths(one, hidden))
+    return answer.model_copy(update={"findings": rest})
 
 
 def _of_lengths(members: Sequence[Place], hidden: Sequence[Place]) -> bool:
