@@ -175,6 +175,7 @@ def test_sites_stand_side_by_side_each_with_its_aims(tmp_path, capsys):
     alarms = rows["nothing hidden: false alarms"]
     assert alarms[2].startswith("0\xa0% [0\xa0%,") and alarms[2].endswith("of 8")
     assert alarms[4].endswith("of 8")
+    assert rows["all answers: crashed"][2].startswith("0.0\xa0% [0.0\xa0%,")
     assert rows["single, from 2\xa0%, identifiable"][1::2] == ["≥ 97\xa0%", "≥ 92\xa0%"]
     assert rows["share of the explainable gap closed"][1::2] == ["≥ 90\xa0%", "≥ 85\xa0%"]
     files = [f"{name}={tmp_path / name}.json" for name in ("home", "away")]

@@ -44,10 +44,10 @@ def rows(summary: BenchmarkSummary, site: Site) -> Iterator[MeasuredRow]:
                 cells.append(NO_CASE)
                 continue
             values[name] = found.rate
-            cells.append(f"{{{name}:.0%}}")
+            cells.append(_named(line.shown, name))
             if place == 0:
                 values |= _ends(key, found.interval) | {f"{key}_of": found.of}
-                cells[-1] += f" [{{{key}_low:.0%}}, {{{key}_high:.0%}}] of {{{key}_of:.0f}}"
+                cells[-1] += f" {_interval(line.shown, key)} of {{{key}_of:.0f}}"
         yield MeasuredRow(cells=cells, values=values)
     yield _power(methods)
     empty = [""] * (len(methods) - 1)
@@ -60,7 +60,7 @@ def rows(summary: BenchmarkSummary, site: Site) -> Iterator[MeasuredRow]:
         cell = _named(shown, key)
         if middle.interval is not None:
             values |= _ends(key, middle.interval)
-            cell += f" [{_named(shown, f'{key}_low')}, {_named(shown, f'{key}_high')}]"
+            cell += f" {_interval(shown, key)}"
         yield MeasuredRow(
             cells=[line.words, line.aim(site), f"{cell} of {{{key}_of:.0f}}", *empty], values=values
         )
@@ -86,6 +86,11 @@ def _power(methods: Mapping[str, MethodRates]) -> MeasuredRow:
 
 def _ends(key: str, interval: Interval) -> dict[str, float]:
     return {f"{key}_low": interval[0], f"{key}_high": interval[1]}
+
+
+def _interval(shown: str, key: str) -> str:
+    """A format of the ends of an interval."""
+    return f"[{_named(shown, f'{key}_low')}, {_named(shown, f'{key}_high')}]"
 
 
 def _named(shown: str, name: str) -> str:
