@@ -14,6 +14,7 @@ from crane_identification.data.arguments import (
     add_recordings,
     add_trust,
     options_of,
+    refuse_copies,
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
@@ -66,6 +67,7 @@ def run(arguments: argparse.Namespace) -> None:
         options = options_of(arguments)
         sources = Sources(model, columns, options, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
+        refuse_copies((*training, *held_out))
         suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
         with blaming(suspicions):
             weighed_by = _with_values(model, training, options, progress)

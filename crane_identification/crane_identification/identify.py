@@ -17,6 +17,7 @@ from crane_identification.data.arguments import (
     add_recordings,
     add_trust,
     options_of,
+    refuse_copies,
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
@@ -81,6 +82,7 @@ def identify(arguments: argparse.Namespace) -> None:
             else None
         )
         held_out = sources.read(arguments.validate)
+        refuse_copies((*training, *held_out))
         suspicions += vetted(model.machine, held_out, arguments.trust_recordings)
         suspicions += lying(given, (*arguments.train, *arguments.validate), options.end)
         session = Session.of((*training, *held_out))

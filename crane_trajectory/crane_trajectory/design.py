@@ -15,7 +15,7 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import progress_bar
-from crane_trajectory.design_arguments import parser
+from crane_trajectory.design_arguments import meant, parser
 from crane_trajectory.excitation.campaign import after, campaign
 from crane_trajectory.excitation.criterion import Criterion
 from crane_trajectory.excitation.merit import (
@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Command line of `ros2 run crane_trajectory design`."""
     argv = list(sys.argv[1:] if argv is None else argv)
     arguments = parser().parse_args(argv)
-    return run(lambda: _design(arguments, argv))
+    return run(lambda: _design(meant(arguments), argv))
 
 
 def _design(arguments: argparse.Namespace, argv: list[str]) -> None:

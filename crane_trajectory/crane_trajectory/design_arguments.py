@@ -5,11 +5,30 @@ from pathlib import Path
 
 from crane_model.arguments import above, between, one_of, whole
 from crane_model.cli import add_machine, add_replace, command_line
+from crane_model.errors import ConfigurationError
 from crane_trajectory.excitation.columns import ColumnSet
 from crane_trajectory.excitation.criterion import CriterionKind
 from crane_trajectory.excitation.limits import Limit
 from crane_trajectory.motion.fourier import LONGEST_PERIOD, MOST_HARMONICS, SHORTEST_PERIOD
 from crane_trajectory.motion.probe import LARGEST
+
+OF_SETTLING = {"duration": 60.0, "load": 50.0, "terms": None}
+"""Options that mean something with `--settle` alone, and what they are by default [s, kg]."""
+
+
+def meant(arguments: argparse.Namespace) -> argparse.Namespace:
+    """The arguments, with what is not given of OF_SETTLING; `ConfigurationError` where one of these
+    is given without `--settle`.
+    """
+    given = [name for name in OF_SETTLING if getattr(arguments, name) is not None]
+    if given and not arguments.settle:
+        raise ConfigurationError(
+            f"{', '.join(f'--{name}' for name in given)}: of --settle alone, which is not given; "
+            "leave it out"
+        )
+    return argparse.Namespace(
+        **vars(arguments) | {name: OF_SETTLING[name] for name in OF_SETTLING if name not in given}
+    )
 
 
 def parser() -> argparse.ArgumentParser:
@@ -37,14 +56,13 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "--duration",
         type=between(20.0, LONGEST_PERIOD),
-        default=60.0,
-        help="with --settle, of the recording [s]",
+        help=f"with --settle, of the recording [s] (default: {OF_SETTLING['duration']:g})",
     )
     result.add_argument(
         "--load",
         type=above(0.0),
-        default=50.0,
-        help="with --settle, a known mass that there is to hang at the tip [kg]",
+        help="with --settle, a known mass that there is to hang at the tip [kg] "
+        f"(default: {OF_SETTLING['load']:g})",
     )
     result.add_argument(
         "--terms", type=Path, metavar="FILE", help="with --settle, as it was given to diagnose"

@@ -109,6 +109,11 @@ def test_the_time_that_it_took_is_said(nothing: tuple[Path, str]) -> None:
             ["--model", MODEL, "--train", "a", "--validate", "a", "--out", "b"],
             "took no part",
         ),
+        (
+            ["--model", MODEL, "--train", "a", "./a", "--validate", "b", "--out", "c"],
+            "given twice",
+        ),
+        (["--explain", "."], "holds no findings.json"),
     ],
 )
 def test_what_cannot_be_done_is_said(tmp_path: Path, arguments: list[object], said: str) -> None:

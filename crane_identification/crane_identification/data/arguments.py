@@ -1,9 +1,13 @@
 """What commands that read recordings share: their options, and the recordings that these mean."""
 
 import argparse
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
+
+import numpy as np
 
 from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
@@ -36,12 +40,35 @@ class Sources:
 
 
 def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) -> None:
-    """`DataError` naming the recordings given for training and for validation, and `why` not."""
+    """`DataError` naming the recordings given for training and for validation, and `why` not; or
+    those that are given twice for one of them: they would count as two that agree.
+    """
     both = {path.resolve() for path in train} & {path.resolve() for path in validate}
     if both:
         raise DataError(
             f"{', '.join(map(str, sorted(both)))}: given for training and for validation; {why}"
         )
+    for paths in (train, validate):
+        times = Counter(path.resolve() for path in paths)
+        if twice := [str(path) for path, count in times.items() if count > 1]:
+            raise DataError(f"{', '.join(sorted(twice))}: given twice; give each recording once")
+
+
+def refuse_copies(logs: Sequence[Log]) -> None:
+    """`DataError` naming two recordings of the same samples: one is a copy of the other."""
+    for one, other in combinations(logs, 2):
+        same = one.start == other.start and all(
+            np.array_equal(a, b, equal_nan=True)
+            for a, b in (
+                (one.position.time, other.position.time),
+                (one.position.value, other.position.value),
+            )
+        )
+        if same:
+            raise DataError(
+                f"{other.source}: the same samples as {one.source}, of which it is a "
+                "copy; give each recording once"
+            )
 
 
 def add_recordings(

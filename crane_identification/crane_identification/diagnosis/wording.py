@@ -67,8 +67,8 @@ def said(text: str, joints: Iterable[str]) -> str:
 
 
 def sentence(text: str) -> str:
-    """With a capital letter and a full stop."""
-    return text[:1].upper() + text[1:] + ("" if text.endswith(".") else ".")
+    """With a capital letter, and a full stop where no question ends it."""
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "?")) else ".")
 
 
 def answer(content: Content) -> str:

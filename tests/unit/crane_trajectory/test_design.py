@@ -158,6 +158,14 @@ def test_wrong_arguments_are_refused(wrong, tmp_path, capsys):
     assert wrong[0] in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("option", [["--load", "5"], ["--duration", "90"], ["--terms", "mine.py"]])
+@pytest.mark.parametrize("what", [["--period", "20"], ["--sweeps", "0.1"]])
+def test_what_means_nothing_without_settle_is_refused(what, option, tmp_path, capsys):
+    assert main([*what, *option, "--out", str(tmp_path / "t.yaml")]) == 1
+    assert f"{option[0]}: of --settle alone" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_bound_of_no_joint_of_the_model_is_refused(tmp_path, capsys):
     out = tmp_path / "t.yaml"
     assert main(["--period", "20", "--out", str(out), "--acceleration", "elbow=1"]) == 1

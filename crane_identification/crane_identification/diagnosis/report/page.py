@@ -105,7 +105,7 @@ def render(
 def _usual(one: Quantity) -> str:
     """The limit of what is usual."""
     unit, factor = human(one.unit)
-    return f"{plain(factor * one.usual)} {unit}".rstrip()
+    return f"{plain(factor * abs(one.usual))} {unit}".rstrip()
 
 
 def _listed(candidates: dict, diagnosis: Diagnosis) -> list[tuple[str, str]]:
