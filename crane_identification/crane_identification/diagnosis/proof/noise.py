@@ -18,19 +18,21 @@ ORDER = 4
 
 def scatter_of_periods(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:
     """Root mean square noise (j,) of the filtered force, from the scatter between periods; NaN
-    where none was repeated.
+    where none was repeated that moves the joint.
 
     It holds what a motion does not repeat and what a machine does not: neither is of sensors.
     """
-    powers = []
+    power, count = np.zeros((2, joints))
     for preparation in averaged:
-        count = len(preparation.periods)
-        if count < 2:
+        repeated = len(preparation.periods)
+        if repeated < 2:
             continue
         periods = np.stack([decimate(one, factor, True) for one in preparation.periods])
         gate = decimate(preparation.signed.astype(float), factor, True) > OPEN
-        powers.append(noise_of_mean(periods, gate) ** 2 * count)
-    return np.sqrt(np.mean(powers, axis=0)) if powers else np.full(joints, np.nan)
+        moved = gate.any(axis=0)
+        power[moved] += noise_of_mean(periods, gate)[moved] ** 2 * repeated
+        count += moved
+    return np.sqrt(np.where(count > 0, power / np.maximum(count, 1), np.nan))
 
 
 def scatter_of_samples(evidence: Evidence) -> np.ndarray:

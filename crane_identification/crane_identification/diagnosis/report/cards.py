@@ -158,10 +158,14 @@ def folds(number: int, names: Sequence[str], gains: np.ndarray, recordings: set[
 
 
 def _held_out(diagnosis: Diagnosis, key: str, j: int) -> Picture:
-    held_out, run = diagnosis.held_out, diagnosis.held_out.run[0]
+    held_out = diagnosis.held_out
+    moving = held_out.used[:, j]
+    run = np.argmax(np.bincount(held_out.run, moving))  # in which the joint moves most
     inside = held_out.run == run
     time = held_out.time[inside]
     middle = time[0] + (time[-1] - time[0]) / 2.0
+    if not moving[inside][np.abs(time - middle) <= WINDOW / 2.0].any() and moving[inside].any():
+        middle = float(np.median(time[moving[inside]]))
     shown = np.flatnonzero(inside)[np.abs(time - middle) <= WINDOW / 2.0]
     gone = np.where(held_out.used[shown, j], 0.0, np.nan)  # a gap where the joint turns
     before, after = (
@@ -181,6 +185,8 @@ def _held_out(diagnosis: Diagnosis, key: str, j: int) -> Picture:
 
 def _sizes(before: np.ndarray, after: np.ndarray, unit: str) -> str:
     """Root mean squares in words."""
+    if not np.isfinite(before).any():
+        return "The joint rests there."
     rms = (float(np.sqrt(np.mean(values[np.isfinite(values)] ** 2))) for values in (before, after))
     return "Root mean square {} before, {} after.".format(*(f"{plain(one)} {unit}" for one in rms))
 

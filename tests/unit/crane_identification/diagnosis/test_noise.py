@@ -5,7 +5,8 @@ import pytest
 
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.runs import Run
-from crane_identification.diagnosis.proof.noise import scatter_of_samples
+from crane_identification.diagnosis.proof.noise import scatter_of_periods, scatter_of_samples
+from crane_identification.preparation.run import Preparation
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
@@ -44,3 +45,24 @@ def test_a_joint_at_rest_tells_nothing() -> None:
     force = NOISE.copy()
     force[-len(TIME) // 4 + 2 :] *= 1000.0
     assert scatter_of_samples(evidence(force, 1)) == pytest.approx(25.0, rel=0.02)
+
+
+def averaged(seed: int, *moves: bool) -> Preparation:
+    """Three periods of noise of 1 of joints that move or not."""
+    periods = np.random.default_rng(seed).standard_normal((3, 4000, len(moves))) * moves
+    signed, q = np.tile(moves, (4000, 1)), periods[0]
+    record = Record(tuple(f"joint {j}" for j in range(len(moves))), TIME[:4000], q, q, q)
+    bandwidth = np.ones(len(moves))
+    return Preparation("made up", record, 0.005, signed, signed, bandwidth, None, periods, None)
+
+
+def test_the_scatter_of_a_joint_that_stands_is_not_known() -> None:
+    """It is 0, which says nothing of its noise while it moves."""
+    found = scatter_of_periods([averaged(1, True, False)], 1, 2)
+    assert found[0] == pytest.approx(1.0, rel=0.05)
+    assert np.isnan(found[1])
+
+
+def test_the_scatter_of_a_joint_is_that_of_recordings_in_which_it_moves() -> None:
+    found = scatter_of_periods([averaged(1, True, False), averaged(2, True, True)], 1, 2)
+    assert found == pytest.approx([1.0, 1.0], rel=0.05)
