@@ -3,7 +3,7 @@
 import argparse
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import combinations
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.log import Log
+from crane_identification.data.log import Log, Signal
 from crane_identification.data.recording_log import read_recording
 from crane_identification.options import Options
 from crane_model.arguments import above, between
@@ -57,18 +57,22 @@ def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) ->
 def refuse_copies(logs: Sequence[Log]) -> None:
     """`DataError` naming two recordings of the same samples: one is a copy of the other."""
     for one, other in combinations(logs, 2):
-        same = one.start == other.start and all(
-            np.array_equal(a, b, equal_nan=True)
-            for a, b in (
-                (one.position.time, other.position.time),
-                (one.position.value, other.position.value),
-            )
-        )
-        if same:
+        if one.start == other.start and all(
+            _same(getattr(one, field.name), getattr(other, field.name)) for field in fields(Log)
+        ):
             raise DataError(
-                f"{other.source}: the same samples as {one.source}, of which it is a "
-                "copy; give each recording once"
+                f"{other.source}: the same samples as {one.source}, of which it is a copy; give "
+                "each recording once"
             )
+
+
+def _same(one: object, other: object) -> bool:
+    """Whether two signals hold the same samples; what is no signal tells nothing."""
+    if not isinstance(one, Signal) or not isinstance(other, Signal):
+        return (one is None) == (other is None)
+    return np.array_equal(one.time, other.time) and np.array_equal(
+        one.value, other.value, equal_nan=True
+    )
 
 
 def add_recordings(

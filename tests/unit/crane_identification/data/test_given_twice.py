@@ -38,6 +38,8 @@ def test_a_copy_is_told_by_its_samples() -> None:
         refuse_copies([one, crane_log(2), copy])
 
 
-def test_the_same_motion_at_another_time_is_no_copy() -> None:
+def test_the_same_motion_at_another_time_or_with_other_forces_is_no_copy() -> None:
     one = crane_log(1)
-    refuse_copies([one, replace(one, start=one.start + 10**9)])
+    assert one.pressure_a is not None
+    other = replace(one.pressure_a, value=1.01 * one.pressure_a.value)
+    refuse_copies([one, replace(one, start=one.start + 10**9), replace(one, pressure_a=other)])
