@@ -34,6 +34,7 @@ PICTURE_PERIOD_S = 0.1
 REPORT_PERIOD_S = 1.0
 CALLBACKS = 8  # in a period at most, so that pages do not wait
 GOING_AWAY, TRY_AGAIN_LATER = 1001, 1013  # of RFC 6455, and of IANA
+GOODBYE_S = 1.0  # for the answers of all pages
 REFUSALS_PERIOD_S = 10.0  # in the log: a page that is refused asks again every second
 
 
@@ -93,10 +94,16 @@ class OperatorPanel(Node):
             self._report_due = now + REPORT_PERIOD_S
             self._report()
 
-    def end(self) -> None:
-        """Tell the pages."""
-        for line in list(self._lines):
+    async def end(self) -> None:
+        """Tell the pages, and wait for what they answer: a connection that is closed while there is
+        something to read is reset, and its page may never learn why.
+        """
+        lines = list(self._lines)
+        for line in lines:
             line.hang_up("the panel was ended", GOING_AWAY)
+        if lines:
+            answers = [asyncio.ensure_future(line.gone()) for line in lines]
+            await asyncio.wait(answers, timeout=GOODBYE_S)
 
     def _show(self, now: float) -> None:
         silent = self.pages.silent(now)
@@ -156,6 +163,10 @@ class _PageLine:
         """End it from here."""
         self._socket.close(code, why)
         self.ended(why)
+
+    async def gone(self) -> None:
+        """Once the page has answered that its line is ended."""
+        await self._socket.gone.wait()
 
     def show(self, picture: Content) -> None:
         """Send a picture of the crane."""
@@ -219,8 +230,8 @@ async def _serve(panel: OperatorPanel, stop: Stop) -> None:
             panel.work()
             await asyncio.sleep(WORK_PERIOD_S)
     finally:
-        panel.end()
         server.stop()
+        await panel.end()
         await server.close_all_connections()
 
 

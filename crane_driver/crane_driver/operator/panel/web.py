@@ -7,6 +7,7 @@ its WebSocket or, stop alone, by a POST, for which a page needs no live line. It
 none.
 """
 
+import asyncio
 import ipaddress
 import json
 from collections.abc import Awaitable, Callable, Collection
@@ -123,6 +124,7 @@ class Socket(WebSocketHandler, _Guarded):
     def initialize(self, opened: Opened) -> None:
         self._opened = opened
         self._line: PageListener | None = None
+        self.gone = asyncio.Event()  # once the page has answered that it is closed
 
     @override
     def check_origin(self, origin: str) -> bool:
@@ -150,6 +152,7 @@ class Socket(WebSocketHandler, _Guarded):
 
     @override
     def on_close(self) -> None:
+        self.gone.set()
         if self._line:
             said = f'; it said "{self.close_reason}"' if self.close_reason else ""
             self._line.ended(f"it was closed, or its connection was lost{said}")
