@@ -26,9 +26,8 @@ def meant(arguments: argparse.Namespace) -> argparse.Namespace:
             f"{', '.join(f'--{name}' for name in given)}: of --settle alone, which is not given; "
             "leave it out"
         )
-    return argparse.Namespace(
-        **vars(arguments) | {name: OF_SETTLING[name] for name in OF_SETTLING if name not in given}
-    )
+    missing = {name: usual for name, usual in OF_SETTLING.items() if name not in given}
+    return argparse.Namespace(**vars(arguments) | missing)
 
 
 def parser() -> argparse.ArgumentParser:

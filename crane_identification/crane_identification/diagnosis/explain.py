@@ -9,15 +9,11 @@ from typing import Any
 from crane_identification.diagnosis import finding_wording, open_wording, unknown_wording, wording
 from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.notation import spoken
-from crane_model.errors import DataError
 
 
 def read(folder: Path) -> dict[str, Any]:
     """findings.json of a diagnosis; `DataError` if there is none, or none of this version."""
-    path = folder / "findings.json"
-    if folder.is_dir() and not path.exists():
-        raise DataError(f"{folder}: holds no findings.json; give a folder that diagnose wrote")
-    return Findings.read(path).plain()
+    return Findings.read(folder / "findings.json").plain()
 
 
 def lines(content: dict[str, Any]) -> list[str]:

@@ -59,7 +59,13 @@ class ResultFile(ResultPart):
         try:
             return cls.model_validate_json(Path(path).read_text(encoding="utf-8"))
         except FileNotFoundError:
-            raise DataError(f"{path}: no such file; check the path") from None
+            folder, name = Path(path).parent, Path(path).name
+            advice = (
+                f"{folder} holds no {name}, give a folder that does"
+                if folder.is_dir()
+                else "check the path"
+            )
+            raise DataError(f"{path}: no such file; {advice}") from None
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = ".".join(map(str, first["loc"])) or "whole file"
