@@ -68,12 +68,12 @@ class ActiveDriver:
             self._command,  # type: ignore[arg-type]  # rclpy does not declare the second argument
             DEPTH,
         )
-        self._begun = time.time_ns()
+        self._begun = self._stamp()
         self._findings = self._node.create_subscription(
             SensorFindings, "sensor_findings", self._found, LATCHED
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self._node.create_timer(self.loop.cycle, self._cycle, clock=steady)
+        self._timer = self._node.create_timer(self.loop.cycle, self._due, clock=steady)
 
     def end(self) -> None:
         """Ramp to neutral and close the bus."""
@@ -84,11 +84,11 @@ class ActiveDriver:
         self.loop.supervisor.disable()
         moving = True
         while moving:
-            output = self.loop.supervisor.output(time.monotonic())
+            output = self.loop.supervisor.output(self._now())
             moving = output.enabled
             with suppress(BusError):  # without a bus the valve electronics time out
                 self._write(self.loop.codec.command_frames(output.commands, output.enabled))
-            time.sleep(self.loop.cycle)
+            self._pause()
         self.link.close()
         if self._realtime:
             self._realtime.end()
@@ -111,28 +111,52 @@ class ActiveDriver:
         self._take()
         self._drive(self.loop.valve_frames(self._runs()))
 
+    def _now(self) -> float:
+        """The time by which everything is judged [s]: that of the steady clock."""
+        return time.monotonic()
+
+    def _stamp(self) -> int:
+        """The same as a stamp of messages [ns]."""
+        return time.time_ns()
+
+    def _pause(self) -> None:
+        """Wait for the next cycle of a ramp to neutral."""
+        time.sleep(self.loop.cycle)
+
     def _runs(self) -> float:
-        """The time [s, steady clock], once it is judged whether the loop has run until now.
+        """The time, once it is judged whether the loop has run until now.
 
         Asked for right before anything is judged by the time: the process may have been stopped
         anywhere, and what is late only for that is no fault of who sends it.
         """
-        now = time.monotonic()
+        now = self._now()
         self.loop.run(now, time.process_time())
         return now
 
     def _take(self) -> None:
-        frames, faults = self.link.take(FRAMES_AT_ONCE), self.link.take_faults()
-        joints, pressures = self.loop.receive(frames, faults, self._runs())
+        self._publish(self.link.take(FRAMES_AT_ONCE))
+
+    def _publish(self, frames: Sequence[Frame]) -> None:
+        """Publish the samples that these frames complete."""
+        joints, pressures = self.loop.receive(frames, self.link.take_faults(), self._runs())
         for pressure_sample in pressures:
             self._pressures.publish(cylinder_pressures(pressure_sample, self.loop.cylinders))
         for joint_sample in joints:
             self._joints.publish(joint_state(joint_sample, self.loop.joints))
 
-    def _cycle(self) -> None:
+    def _due(self) -> None:
+        """Do the work of a cycle of the valve frames."""
         self._take()  # before it is judged what has not come
         now = self._runs()
-        self.loop.check(self._commanders(), now, self.link.heard(now))
+        self._judge(now, self.link.heard(now))
+        self._answer(now)
+
+    def _judge(self, now: float, heard: float) -> None:
+        self.loop.check(self._commanders(), now, heard)
+        self.tell()
+
+    def _answer(self, now: float) -> None:
+        """Send what is due to the machine."""
         self._drive(self.loop.valve_frames(now))
         self._send(self.loop.device_frames(now))
         self.tell()
@@ -140,13 +164,18 @@ class ActiveDriver:
     def _command(self, message: ValveCommand, info: dict[str, Any]) -> None:
         age = (time.time_ns() - info["received_timestamp"]) * 1e-9
         received = self._runs() - (age if 0.0 <= age < OLDEST_COMMAND_S else 0.0)
+        if self._commanded(message, received):
+            self._drive(self.loop.valve_frames(self._runs(), commanded=True))
+
+    def _commanded(self, message: ValveCommand, received: float) -> bool:
+        """Take a command that came at `received` [s]; return whether it was accepted."""
         self.loop.supervisor.published_by(self._commanders())
         try:
             self.loop.supervisor.command(message.name, message.command, received)
         except RefusedError as error:
             self._log.warning(str(error), throttle_duration_sec=WARNING_PERIOD_S)
-            return
-        self._drive(self.loop.valve_frames(self._runs(), commanded=True))
+            return False
+        return True
 
     def _estimated(self, message: PositionEstimate) -> None:
         stamp = nanoseconds(message.header.stamp)
@@ -172,14 +201,14 @@ class ActiveDriver:
         """Send valve frames, and tell what they open: limits may leave less than was commanded."""
         if frames:
             self._send(frames)
-            self._outputs.publish(valve_output(time.time_ns(), self.loop.supervisor.sent))
+            self._outputs.publish(valve_output(self._stamp(), self.loop.supervisor.sent))
 
     def _send(self, frames: Sequence[Frame]) -> None:
         try:
             self._write(frames)
         except BusError as error:
             fault = Fault(FaultKind.BUS, str(error))
-            self.loop.supervisor.can_faults([fault], time.monotonic())
+            self.loop.supervisor.can_faults([fault], self._now())
 
     def _write(self, frames: Sequence[Frame]) -> None:
         for frame in frames:
@@ -190,7 +219,7 @@ class ActiveDriver:
     def enable(self) -> None:
         """Let commands through."""
         self.loop.supervisor.published_by(self._commanders())
-        self.loop.supervisor.enable(time.monotonic())
+        self.loop.supervisor.enable(self._now())
 
     def disable(self) -> None:
         """Ramp to neutral."""
@@ -203,7 +232,7 @@ class ActiveDriver:
 
     def reset_fault(self) -> None:
         """Forget the faults that are latched."""
-        self.loop.supervisor.reset(time.monotonic())
+        self.loop.supervisor.reset(self._now())
 
     def substitute(self, joint: str) -> str:
         """Go on without the encoder of a joint; what holds now."""

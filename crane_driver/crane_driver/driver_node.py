@@ -13,9 +13,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from crane_bags.clocks import NANOSECONDS
 from crane_driver.active_driver import ActiveDriver
 from crane_driver.can.binding import load_layout
 from crane_driver.can.link import Link
+from crane_driver.can.simulated_time import START_NS, TIME, check_private
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import (
     FINALIZED,
@@ -25,6 +27,7 @@ from crane_driver.driver_messages import (
     inactive_state,
 )
 from crane_driver.driver_parameters import DriverParameters, driver_parameters, read_parameters
+from crane_driver.lock_step import LockStepDriver
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.settings import load_safety
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
@@ -37,6 +40,7 @@ from crane_nodes.driver_client import LATCHED, STATE_TOPIC
 from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.names import full_name
+from crane_nodes.node_time import NodeTime
 from crane_nodes.parameters import declare, hold
 from crane_nodes.ready import say_ready
 
@@ -57,6 +61,7 @@ class Driver(LifecycleNode):
         self._active: ActiveDriver | None = None
         self._lifecycle = "unconfigured"
         hold(self, parameters, lambda: self._lifecycle)
+        self._time = NodeTime(self)
         self._joints = self.create_publisher(JointState, "joint_states", DEPTH)
         self._pressures = self.create_publisher(CylinderPressures, "cylinder_pressures", DEPTH)
         self._outputs = self.create_publisher(ValveCommand, "valve_output", DEPTH)
@@ -87,6 +92,8 @@ class Driver(LifecycleNode):
         try:
             self._machine = read_again(self, self._machine)
             self._settings = read_parameters(self, self._machine)
+            if self._time.simulated:
+                check_private(self._settings.bus)
             self._new_loop()
         except CraneError as error:
             return self._failed(error)
@@ -100,14 +107,17 @@ class Driver(LifecycleNode):
         assert self._settings
         try:
             loop = self._new_loop()
-            link = Link(
-                self._settings.bus, self._received.trigger, cycle=loop.frames_of_cycle
-            ).open()
+            ends = frozenset({TIME}) if self._time.simulated else loop.frames_of_cycle
+            link = Link(self._settings.bus, self._received.trigger, cycle=ends).open()
         except CraneError as error:
             return self._failed(error)
-        self._active = ActiveDriver(
-            self, loop, link, self._joints, self._pressures, self._outputs, self._report
-        )
+        topics = self._joints, self._pressures, self._outputs
+        if self._time.simulated:
+            self._active = LockStepDriver(
+                self._time, self._settings.listeners, self, loop, link, *topics, self._report
+            )
+        else:
+            self._active = ActiveDriver(self, loop, link, *topics, self._report)
         self._active.begin(self._settings.realtime)
         self.get_logger().info(f"CAN bus {self._settings.bus} is open; joints: {loop.joints}")
         self._lifecycle = "active"
@@ -148,7 +158,7 @@ class Driver(LifecycleNode):
             self._machine,
             load_safety(self._settings.safety, self._machine),
             self._settings.jerk_density,
-            time.monotonic(),
+            START_NS / NANOSECONDS if self._time.simulated else time.monotonic(),
         )
 
     def _receive(self) -> None:
@@ -163,7 +173,7 @@ class Driver(LifecycleNode):
         else:
             state = inactive_state(self._lifecycle)
             status = [inactive(full_name(self), self._lifecycle)]
-        now = self.get_clock().now().to_msg()
+        now = self._time.stamp()
         state.node = self.get_fully_qualified_name()
         state.header.stamp = now
         self._state.publish(state)

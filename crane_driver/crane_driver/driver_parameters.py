@@ -1,6 +1,6 @@
 """The parameters of the driver: declared with unit and range, read with errors that name them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,6 +60,13 @@ LOCK_MEMORY = Switch(
     True,
     "Keep the memory of the driver from being paged out, where the system permits it. At configure",
 )
+LISTENERS = Text(
+    "simulated_time.listeners",
+    "",
+    "With use_sim_time: nodes that simulated time waits for until they hear joint_states, "
+    "separated by blanks; it then stands still while the crane rests and nobody commands it. "
+    "Empty: it always goes on. At configure",
+)
 
 
 def jerk_density_parameters(machine: Machine, name: str) -> dict[str, Number]:
@@ -83,7 +90,7 @@ def driver_parameters(machine: Machine, name: str) -> tuple[NodeParameter, ...]:
     return (
         *(MACHINE, AUTOSTART, INTERFACE, CHANNEL, BITRATE, OPTIONS, DBC, MAPPING, SAFETY),
         *jerk_density_parameters(machine, name).values(),
-        *(PRIORITY, LOCK_MEMORY),
+        *(PRIORITY, LOCK_MEMORY, LISTENERS),
     )
 
 
@@ -97,6 +104,7 @@ class DriverParameters:
     safety: Path
     jerk_density: Mapping[str, float]
     realtime: RealTimeSettings
+    listeners: Sequence[str]
 
 
 def read_parameters(node: Node, machine: Machine) -> DriverParameters:
@@ -115,4 +123,5 @@ def read_parameters(node: Node, machine: Machine) -> DriverParameters:
         safety=machine_file("safety.yaml", name, SAFETY.read(node)),
         jerk_density={joint: one.read(node) for joint, one in densities.items()},
         realtime=RealTimeSettings(int(PRIORITY.read(node)), LOCK_MEMORY.read(node)),
+        listeners=LISTENERS.read(node).split(),
     )

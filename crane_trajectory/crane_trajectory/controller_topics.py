@@ -1,6 +1,5 @@
 """Which controller leads the crane, the chamber pressures that it is shown, and the load."""
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from crane_interfaces.msg import CylinderPressures, TipLoad
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.model_file import Model, load_model, save_model
+from crane_nodes.node_time import NodeTime
 from crane_nodes.stamps import nanoseconds
 from crane_trajectory.control.choice import PD_DEAD_ZONE, controller, learning, led_by_model
 from crane_trajectory.control.controller import GainArrays
@@ -43,8 +43,8 @@ NEWEST = QoSProfile(depth=1)
 class Leading:
     """The parameters `law` and `model` of a node, the topics cylinder_pressures and tip_load."""
 
-    def __init__(self, node: Node):
-        self._node = node
+    def __init__(self, node: Node, clock: NodeTime):
+        self._node, self._clock = node, clock
         self._joints: tuple[str, ...] = ()
         self._subscriptions: list[Subscription] = []
         self._newest: ChamberPressures | None = None
@@ -142,7 +142,7 @@ class Leading:
         """
         if self._load is not None and (led := led_by_model(self.controller)) is not None:
             led.carry(self._load.at(stamp))
-        return self._newest if time.monotonic() - self._heard < OLDEST else None
+        return self._newest if self._clock.now() - self._heard < OLDEST else None
 
     def _take(self, message: CylinderPressures) -> None:
         taken = ChamberPressures.none(len(self._joints))
@@ -152,7 +152,8 @@ class Leading:
             if joint in self._joints:
                 place = self._joints.index(joint)
                 a[place], b[place] = in_a, in_b
-        self._newest, self._heard = ChamberPressures(a, b, message.supply), time.monotonic()
+        self._newest = ChamberPressures(a, b, message.supply)
+        self._heard = self._clock.of(message.header.stamp)
 
     def _weighed(self, message: TipLoad) -> None:
         assert self._load is not None

@@ -16,6 +16,8 @@ from rclpy.task import Future
 
 from crane_interfaces.action import RunExcitation
 from crane_model.errors import ConfigurationError, CraneError
+from crane_nodes.node_time import NodeTime
+from crane_nodes.scheduling import PATIENCE_S
 from crane_trajectory.aside import give_way
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.motion import Motion
@@ -96,9 +98,10 @@ class Leader(Protocol):
 class Goals:
     """Goals come one at a time; `last` tells how the last one has ended."""
 
-    def __init__(self, node: Node, leader: Leader, units: Mapping[str, str]):
+    def __init__(self, node: Node, clock: NodeTime, leader: Leader, units: Mapping[str, str]):
         """`units` of the joints of the machine, from the base to the tip: rad or m."""
         self.last = "none"
+        self._clock = clock
         self._leader, self._units, self._log = leader, units, node.get_logger()
         self._busy = False
         self._server = ActionServer(
@@ -146,15 +149,15 @@ class Goals:
         told = -np.inf
         while not experiment.over:
             await self._leader.next_watch
-            now = time.monotonic()
+            real = time.monotonic()
             try:
                 if goal.is_cancel_requested:
                     experiment.stop(Outcome.CANCELED, "canceled, the crane is at rest")
-                if now - told >= FEEDBACK:
-                    told = now
+                if real - told >= FEEDBACK:
+                    told = real
                     goal.publish_feedback(feedback_message(experiment))
             except Exception as error:
-                experiment.release(Outcome.FAILED, self._told(error), now)
+                experiment.release(Outcome.FAILED, self._told(error), self._clock.now())
         return self._ended(goal, experiment.outcome, experiment.account, experiment.rms)
 
     def _told(self, error: Exception) -> str:
@@ -185,9 +188,10 @@ class Goals:
 
     async def _ready(self, goal: ServerGoalHandle) -> None:
         """Wait until nothing is lacking; `NotReadyError` if it takes long, `CanceledError`."""
-        deadline = time.monotonic() + READINESS_TIMEOUT_S
+        begun, really = self._clock.now(), time.monotonic()
         while lack := self._leader.lacking():
-            if time.monotonic() > deadline or not self._leader.active:
+            waited = self._clock.now() - begun > READINESS_TIMEOUT_S
+            if waited or time.monotonic() - really > PATIENCE_S or not self._leader.active:
                 raise NotReadyError(f"not ready: {lack}; nothing has moved")
             await self._next_watch(goal)
 

@@ -12,7 +12,6 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 from tqdm import tqdm
@@ -26,6 +25,7 @@ from crane_model.result_file import NumberByJoint, ResultFile
 from crane_nodes.command_line import own_arguments
 from crane_nodes.context import Stop, ros
 from crane_nodes.driver_client import DriverClient
+from crane_nodes.executor import KeptExecutor
 from crane_nodes.ready import say_ready
 from crane_trajectory.experiment import Outcome
 from crane_trajectory.motion.motion import Phase
@@ -61,7 +61,7 @@ class RunExcitationClient(Node):
     def __init__(self, stop: Stop):
         super().__init__("run_excitation")
         self._stop = stop
-        self._worker = SingleThreadedExecutor()
+        self._worker = KeptExecutor()
         self._worker.add_node(self)
         self._action = ActionClient(self, RunExcitation, ACTION)
         self._driver = DriverClient(self)

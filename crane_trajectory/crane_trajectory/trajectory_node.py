@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -29,6 +30,7 @@ from crane_nodes.driver_client import DriverWatch
 from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.names import full_name
+from crane_nodes.node_time import NodeTime
 from crane_nodes.parameters import declare, hold
 from crane_nodes.ready import say_ready
 from crane_trajectory.control.controller import compile_command
@@ -74,8 +76,10 @@ class Trajectory(LifecycleNode):
         self._states: Subscription | None = None
         self._ready = Readiness()
         self._experiment: Experiment | None = None
-        self._leading = Leading(self)
-        self._valves = Valves(self, self._machine.joint_names)
+        self._time = NodeTime(self)
+        self._time.listen()
+        self._leading = Leading(self, self._time)
+        self._valves = Valves(self, self._time, self._machine.joint_names)
         self._next_watch = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._references = self.create_publisher(JointReference, "joint_reference", DEPTH)
@@ -84,7 +88,7 @@ class Trajectory(LifecycleNode):
         self.create_service(Trigger, "~/save_learnt", self._save_learnt)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
         self.create_timer(REPORT_PERIOD_S, self._report, clock=steady)
-        self._goals = Goals(self, leader=self, units=self._machine.units)
+        self._goals = Goals(self, self._time, leader=self, units=self._machine.units)
 
     # life cycle
 
@@ -159,7 +163,7 @@ class Trajectory(LifecycleNode):
     # control
 
     def _state(self, message: JointState) -> None:
-        now = time.monotonic()
+        now = self._time.of(message.header.stamp)
         try:
             measured = sample(message, self._machine.joint_names)
         except DataError as error:
@@ -178,7 +182,7 @@ class Trajectory(LifecycleNode):
                     self._references.publish(reference_message(target, measured.stamp, joints))
 
     def _watch(self) -> None:
-        now = time.monotonic()
+        now = self._time.now()
         if (experiment := self._experiment) is not None:
             with self._failing_softly(experiment, now):
                 told = self._driver.newest  # a silent one sends no joint states either
@@ -218,7 +222,7 @@ class Trajectory(LifecycleNode):
         return (
             self._valves.rivals
             or several_sources(self)
-            or self._ready.lacking(STATES_TIMEOUT.read(self), time.monotonic())
+            or self._ready.lacking(STATES_TIMEOUT.read(self), self._time.now())
             or self._driver.problem
             or self._valves.unheard
         )
@@ -250,9 +254,10 @@ class Trajectory(LifecycleNode):
             motion,
             self._tuning,
             STATES_TIMEOUT.read(self),
-            time.monotonic(),
+            self._time.now(),
             self._leading.leader(motion.trajectory),
         )
+        self._valves.send(np.zeros(len(self._machine.joint_names)))  # simulated time waits for it
         return self._experiment
 
     def end(self) -> None:
@@ -271,7 +276,7 @@ class Trajectory(LifecycleNode):
 
     def _report(self) -> None:
         last, driver = self._goals.last, self._driver.state.text
-        now = self.get_clock().now().to_msg()
+        now = self._time.stamp()
         led = self._leading.load | self._leading.learnt
         found = condition(
             full_name(self), self._lifecycle, self._experiment, last, driver, led, now

@@ -8,6 +8,7 @@ from rclpy.publisher import Publisher
 
 from crane_interfaces.msg import ValveCommand
 from crane_nodes.names import full_name
+from crane_nodes.node_time import NodeTime
 from crane_nodes.publishers import publishers
 from crane_trajectory.trajectory_topics import command_message
 
@@ -18,8 +19,8 @@ DEPTH = 10
 class Valves:
     """The topic valve_command of `node`, on which it publishes from `open` to `close`."""
 
-    def __init__(self, node: Node, joints: Sequence[str]):
-        self._node, self._joints = node, joints
+    def __init__(self, node: Node, clock: NodeTime, joints: Sequence[str]):
+        self._node, self._clock, self._joints = node, clock, joints
         self._publisher: Publisher | None = None
 
     def open(self) -> None:
@@ -35,8 +36,7 @@ class Valves:
     def send(self, u: np.ndarray | None) -> None:
         """Spool commands (j,), between -1 and 1; None where there are none to send."""
         if u is not None and self._publisher is not None:
-            now = self._node.get_clock().now().to_msg()
-            self._publisher.publish(command_message(u, now, self._joints))
+            self._publisher.publish(command_message(u, self._clock.stamp(), self._joints))
 
     @property
     def rivals(self) -> str:

@@ -13,13 +13,13 @@ import rclpy
 from laws import EXCITATION, VALIDATION, Law
 from processes import DemoError, Processes
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from crane_bags.types import JOINT_STATES
 from crane_interfaces.msg import DriverState
 from crane_nodes.driver_client import DriverClient
+from crane_nodes.executor import KeptExecutor
 
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
 FIT_PERIODS, VALIDATION_PERIODS, FOLLOW_PERIODS = 3, 2, 1
@@ -46,7 +46,7 @@ class Onlooker:
             context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
         )
         self.node = Node(NAME, context=self._context)
-        self.executor = SingleThreadedExecutor(context=self._context)
+        self.executor = KeptExecutor(context=self._context)
         self.executor.add_node(self.node)
         self.driver = DriverClient(self.node)
 

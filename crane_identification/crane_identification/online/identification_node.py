@@ -1,6 +1,5 @@
 """`identification`: the online estimator as a managed node."""
 
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.condition import Condition, recording, status
 from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
@@ -30,6 +30,7 @@ from crane_model.model_file import load_model, save_model
 from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.names import full_name
+from crane_nodes.node_time import NodeTime, Pacing
 from crane_nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
@@ -41,7 +42,8 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-PUBLISH = 1.0  # s
+PUBLISH = 1.0  # s, of diagnostics
+AHEAD = 1.0  # s, by which simulated time may be ahead of what was learned
 VISIT = 0.05  # s between two visits to the queues, which hold 100 times as much
 
 DEFAULTS = OnlineOptions()
@@ -111,6 +113,11 @@ class Identification(LifecycleNode):
         self._recent: Recent | None = None
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
         hold(self, fixed, lambda: "configured" if self._estimator else "unconfigured")
+        self._second = -1  # of the data, in which the estimate was published
+        self._samples = self._told = 0  # rows: at the last look, in the newest estimate
+        self._time = NodeTime(self)
+        self._time.listen()
+        self._pacing: Pacing | None = None
         self._condition = Condition()
         self._listeners: tuple[Listener, ...] = ()
         self._listening: list[tuple[Polled, Callable[[Any, int], None]]] = []
@@ -123,7 +130,6 @@ class Identification(LifecycleNode):
         )
         self.create_service(Trigger, "~/reset_estimator", self._reset)
         self.create_service(Trigger, "~/save_model", self._save)
-        # steady time: under use_sim_time without /clock, the node's clock stands still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(VISIT, self._visit, clock=steady)
         self.create_timer(PUBLISH, self._tell, clock=steady)
@@ -157,13 +163,17 @@ class Identification(LifecycleNode):
             for one in self._listeners
         ]
         topics = [one.topic for one in self._listeners]
-        self._condition.listen(time.monotonic(), *topics)
+        self._condition.listen(self._time.now(), *topics)
+        self._pacing = Pacing(self, self._time, AHEAD)
         say_ready(self)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen no more."""
-        self._condition.listen(time.monotonic())
+        self._condition.listen(self._time.now())
+        if self._pacing is not None:
+            self._pacing.close()
+            self._pacing = None
         for topic, _ in self._listening:
             topic.close()
         self._listening = []
@@ -178,6 +188,8 @@ class Identification(LifecycleNode):
         for topic, learn in self._listening:
             for message, about in topic.take():
                 learn(message, about["source_timestamp"])
+        if self._pacing is not None:
+            self._pacing.taken()
 
     def _listeners_of(self, estimator: Watched) -> tuple[Listener, ...]:
         file = COLUMNS.read(self)
@@ -187,7 +199,7 @@ class Identification(LifecycleNode):
 
     def _learner(self, listener: Listener) -> Callable[[Any, int], None]:
         def learn(message: Any, sent: int) -> None:
-            self._condition.arrived(listener.topic, time.monotonic())
+            self._condition.arrived(listener.topic, self._time.now())
             try:
                 forces = listener.take(message, sent)
             except DataError as error:
@@ -198,23 +210,35 @@ class Identification(LifecycleNode):
             assert self._estimator is not None
             for one in forces:
                 self._forces.publish(forces_message(self._estimator.model.joints, one))
+                if (
+                    one.stamp // NANOSECONDS != self._second
+                ):  # of the data: a repetition tells the same
+                    self._second = one.stamp // NANOSECONDS
+                    self._publish_estimate()
 
         return learn
 
+    def _publish_estimate(self) -> None:
+        assert self._estimator is not None
+        self._estimates.publish(estimate_message(self._estimator, self._estimator.solve()))
+        self._told = self._estimator.samples
+
     def _tell(self) -> None:
-        """Publish estimate and diagnostics."""
+        """Publish diagnostics, and the estimate on data that have ended within a second."""
         solution = None
-        if self._estimator is not None and self._estimator.samples:
+        if self._estimator is not None and (samples := self._estimator.samples):
             solution = self._estimator.solve()
-            self._estimates.publish(estimate_message(self._estimator, solution))
+            ended, self._samples = samples == self._samples, samples
+            if ended and samples != self._told and not self._time.simulated:
+                self._publish_estimate()
         found = status(
-            full_name(self), self._condition, self._estimator, solution, time.monotonic()
+            full_name(self), self._condition, self._estimator, solution, self._time.now()
         )
         if self._recent is not None:
             self._recent.check()
         checked = recording(full_name(self), self._recent.found if self._recent else None)
         message = DiagnosticArray(status=[found, checked])
-        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.stamp = self._time.stamp()
         self._diagnostics.publish(message)
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 
 from crane_interfaces.msg import DriverState
 from crane_model.errors import CraneError
+from crane_nodes.scheduling import PATIENCE_S
 
 STATE_TOPIC = "driver/state"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -37,6 +38,8 @@ class DriverWatch:
     def __init__(self, node: Node, told: Callable[[DriverState], None] = lambda state: None):
         self._node, self._told = node, told
         self._states: dict[str, tuple[float, DriverState]] = {}  # by driver, and when it came
+        simulated = node.get_parameter("use_sim_time").value is True
+        self._silence = PATIENCE_S if simulated else DRIVER_SILENCE_S
         self.newest = DriverState()  # however old; of whichever driver has told it
         topic = node.create_subscription(DriverState, STATE_TOPIC, self._receive, ALL_DRIVERS)
         self._topic = topic.topic_name
@@ -70,7 +73,7 @@ class DriverWatch:
 
     def _heard(self) -> list[DriverState]:
         """The newest of each driver that is not silent."""
-        since = time.monotonic() - DRIVER_SILENCE_S
+        since = time.monotonic() - self._silence
         return [state for came, state in self._states.values() if came >= since]
 
     def _receive(self, message: DriverState) -> None:

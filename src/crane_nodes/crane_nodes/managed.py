@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from crane_model.cli import run
 from crane_model.errors import ConfigurationError
 from crane_nodes.command_line import check_arguments
 from crane_nodes.context import ros
+from crane_nodes.executor import KeptExecutor
 from crane_nodes.parameters import NodeParameter, Switch
 
 AUTOSTART = Switch("autostart", True, "Configure and activate the node when it starts")
@@ -43,7 +43,7 @@ def run_managed(
 def _live(make: Callable[[], LifecycleNode], argv: Sequence[str]) -> None:
     with ros(argv) as stop:
         node = make()
-        executor = SingleThreadedExecutor()
+        executor = KeptExecutor()
         try:
             if AUTOSTART.read(node):
                 _start(node)

@@ -13,3 +13,7 @@ def schedule(process: int, policy: int, priority: int = 0) -> None:
     for thread in Path(f"/proc/{process}/task").iterdir():
         with suppress(ProcessLookupError):  # it has ended meanwhile
             os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
+
+
+PATIENCE_S = 60.0
+"""Real time for which simulated time waits for a process that is there but does not answer [s]."""

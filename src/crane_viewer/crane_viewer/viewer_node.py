@@ -5,12 +5,12 @@ import time
 from collections.abc import Sequence
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.serde import SerdeError
 
 from crane_nodes.context import ros
+from crane_nodes.executor import KeptExecutor
 from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
 from crane_nodes.recording.definitions import message_class
@@ -32,7 +32,7 @@ def show_topics(view: View, arguments: Sequence[str], beside: Sequence[int]) -> 
         for process in (os.getpid(), *beside):
             schedule(process, os.SCHED_IDLE)
         say_ready(viewer)
-        executor = SingleThreadedExecutor()
+        executor = KeptExecutor()
         executor.add_node(viewer)
         while not stop.requested and rclpy.ok():
             executor.spin_once(timeout_sec=0.0)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from rcl_interfaces.srv import GetParameters
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
@@ -21,6 +20,7 @@ from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import DataError
 from crane_nodes.context import Stop
 from crane_nodes.driver_client import DriverClient, NoDriverError
+from crane_nodes.executor import KeptExecutor
 from crane_nodes.ready import say_ready
 
 DEPTH = 50  # messages
@@ -36,7 +36,7 @@ class CraneClient(Node):
     def __init__(self, stop: Stop):
         super().__init__("bringup")
         self._stop = stop
-        self._executor = SingleThreadedExecutor()
+        self._executor = KeptExecutor()
         self._executor.add_node(self)
         self.joints: tuple[str, ...] = ()
         self.samples: list[JointInstant] = []

@@ -9,7 +9,6 @@ import time
 from collections.abc import Sequence
 
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -30,8 +29,10 @@ from crane_model.machine_files import machine_file
 from crane_nodes.command_line import own_arguments
 from crane_nodes.context import Stop, ros
 from crane_nodes.driver_client import DriverClient, NoDriverError
+from crane_nodes.executor import KeptExecutor
 from crane_nodes.joint_notes import load_joint_notes
 from crane_nodes.machine_parameter import MACHINE, declare_machine
+from crane_nodes.node_time import NodeTime
 from crane_nodes.parameters import declare
 from crane_nodes.publishers import publishers
 from crane_nodes.ready import say_ready
@@ -68,9 +69,11 @@ class Jog(Node):
         self._commands = dict.fromkeys(self._units, 0.0)
         self._moved = next(iter(self._units))
         self._publisher: Publisher | None = None
+        self.clock = NodeTime(self)
+        self.clock.listen()
         self._driver = DriverClient(self, self._told)
         self._faulty = False
-        self._worker = SingleThreadedExecutor()
+        self._worker = KeptExecutor()
         self._worker.add_node(self)
         self.create_subscription(JointState, "joint_states", self._measured, NEWEST)
         if by_joystick:
@@ -95,10 +98,10 @@ class Jog(Node):
 
     def command(self, demand: Demand | None) -> None:
         """Publish the commands of this period."""
-        self._commands = self.motion.step(demand, time.monotonic())
+        self._commands = self.motion.step(demand, self.clock.now())
         self._moved = next((one for one in self._units if self._commands[one]), self._moved)
         message = ValveCommand(name=list(self._commands), command=list(self._commands.values()))
-        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.stamp = self.clock.stamp()
         if self._publisher:
             self._publisher.publish(message)
 
@@ -108,13 +111,14 @@ class Jog(Node):
         while self._publisher and left:
             self.command(None)
             left -= self.motion.neutral
+            self._worker.spin_once(timeout_sec=0.0)  # of what time it is
             time.sleep(COMMAND_PERIOD_S)
         if self._publisher:
             self._publisher.wait_for_all_acked(Duration(seconds=0.5))
 
     def demand(self) -> Demand | None:
         """What is held now."""
-        return (self.joystick or self.keyboard).demand(time.monotonic())
+        return (self.joystick or self.keyboard).demand(self.clock.now())
 
     def request(self, request: Request) -> None:
         """Call a service of the driver; the answer becomes news."""
@@ -172,7 +176,7 @@ class Jog(Node):
 
     def _pushed(self, message: Joy) -> None:
         if self.joystick:
-            self.joystick.received(message.axes, message.buttons, time.monotonic())
+            self.joystick.received(message.axes, message.buttons, self.clock.now())
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -202,7 +206,7 @@ def _jog(jog: Jog, terminal: KeyTerminal | NoTerminal, screen: Screen, stop: Sto
     due = refresh = time.monotonic()
     while not stop.requested and not terminal.closed:
         typed = terminal.read(due - time.monotonic())
-        request = jog.keyboard.typed(typed, time.monotonic())
+        request = jog.keyboard.typed(typed, jog.clock.now())
         if request is Request.QUIT:
             return
         if request:

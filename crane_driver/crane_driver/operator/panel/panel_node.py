@@ -11,7 +11,6 @@ import time
 from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from crane_driver.operator.panel.arming import Arming, new_token
@@ -24,6 +23,7 @@ from crane_driver.operator.panel.web import Socket, listen
 from crane_model.cli import run
 from crane_nodes.command_line import check_arguments
 from crane_nodes.context import Stop, ros
+from crane_nodes.executor import KeptExecutor
 from crane_nodes.machine_parameter import MACHINE, declare_machine
 from crane_nodes.names import full_name
 from crane_nodes.parameters import declare
@@ -50,7 +50,7 @@ class OperatorPanel(Node):
         self._watch = CraneWatch(self, machine)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._lines: list[_PageLine] = []
-        self._worker = SingleThreadedExecutor()
+        self._worker = KeptExecutor()
         self._worker.add_node(self)
         self._picture_due = self._report_due = 0.0
         self.asking = Asking(self._watch.driver)

@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Collection, Iterable, Sequence
 
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -14,6 +13,7 @@ from rosgraph_msgs.msg import Clock
 from crane_bags.clocks import NANOSECONDS
 from crane_model.errors import DataError
 from crane_nodes.context import Stop
+from crane_nodes.executor import KeptExecutor
 from crane_nodes.names import full_name
 from crane_nodes.publishers import NameLooks, publishers
 from crane_nodes.ready import say_ready
@@ -33,7 +33,7 @@ class Player(Node):
     def __init__(self, stop: Stop):
         super().__init__("player")
         self._stop = stop
-        self._worker = SingleThreadedExecutor()
+        self._worker = KeptExecutor()
         self._worker.add_node(self)
         self._time = self.create_publisher(Clock, CLOCK, QoSProfile(depth=10))
         self._publishers_of: dict[str, Publisher] = {}  # recorded topic -> publisher

@@ -6,13 +6,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rclpy.executors import SingleThreadedExecutor
-
 from crane_bags.types import TOPICS
 from crane_model.arguments import above
 from crane_model.cli import command_line, run
 from crane_nodes.command_line import own_arguments
 from crane_nodes.context import ros
+from crane_nodes.executor import KeptExecutor
 from crane_nodes.recording.bag import RecordedBag, Split
 from crane_nodes.recording.recorder_node import Recorder
 from crane_nodes.recording.statistics import shown, table
@@ -33,7 +32,7 @@ def _record(argv: Sequence[str], out: Path, topics: Sequence[str], split: Split)
     with ros(argv) as stop:
         with RecordedBag(out, split) as bag:
             recorder = Recorder(bag, topics)
-            executor = SingleThreadedExecutor()
+            executor = KeptExecutor()
             executor.add_node(recorder)
             while not stop.requested:
                 executor.spin_once(timeout_sec=0.1)

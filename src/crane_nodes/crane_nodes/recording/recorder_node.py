@@ -1,20 +1,26 @@
 """The recorder as a node: finds publishers, takes what they send, and says how it goes."""
 
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock as SteadyClock
+from rclpy.clock import ClockType
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
+from rosgraph_msgs.msg import Clock
 
+from crane_bags.clocks import NANOSECONDS
 from crane_bags.types import TOPICS, typestore
 from crane_model.errors import DataError
 from crane_nodes.names import full_name
+from crane_nodes.node_time import CLOCK_TOPIC, NodeTime, Pacing
 from crane_nodes.polled import Polled
 from crane_nodes.publishers import NameLooks, node_names
 from crane_nodes.ready import say_ready
@@ -25,10 +31,13 @@ from crane_nodes.recording.qos import DEPTH, Service, request
 from crane_nodes.recording.ros import offered, profile
 from crane_nodes.recording.silence import Rhythm, Silence, Span
 from crane_nodes.recording.statistics import Arrivals, shown
+from crane_nodes.stamps import nanoseconds
 
 VISIT_PERIOD_S = 0.05  # between two visits to the queues of the subscriptions
 FLUSH_PERIOD_S = 0.5  # what is younger is lost when the process is killed
 REPORT_PERIOD_S = 1.0
+AHEAD = 1.0  # s, by which simulated time may be ahead of what was recorded
+TICKS = QoSProfile(depth=2000)  # messages of /clock
 
 
 class Early(NamedTuple):
@@ -62,9 +71,12 @@ class Recorder(Node):
         self.problems: dict[str, str] = {}  # of a topic
         self._looks = NameLooks()
         self._bag = bag
+        self._time = NodeTime(self)
+        self._pacing = Pacing(self, self._time, AHEAD)
+        self._ticks = Polled(self, Clock, CLOCK_TOPIC, TICKS) if self._time.simulated else None
         self._early = self._expected()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        steady = SteadyClock(clock_type=ClockType.STEADY_TIME)
         for period, work in (
             (VISIT_PERIOD_S, self.visit),
             (FLUSH_PERIOD_S, bag.flush),
@@ -86,7 +98,11 @@ class Recorder(Node):
                 # other middleware than Fast DDS may not stamp
                 arrived.append((info["received_timestamp"] or time.time_ns(), data, info, recorded))
         arrived.sort(key=lambda one: one[0])
-        for log_time, data, info, recorded in arrived:
+        ticks = deque(self._ticks.take()) if self._ticks else deque()
+        for received, data, info, recorded in arrived:
+            while ticks and ticks[0][1]["received_timestamp"] <= received:
+                self._time.tell(ticks.popleft()[0])
+            log_time = nanoseconds(self._time.stamp()) if self._time.simulated else received
             sequence = info["publication_sequence_number"]
             self._bag.write(
                 recorded.number, log_time, data, info["source_timestamp"], sequence or 0
@@ -94,7 +110,10 @@ class Recorder(Node):
             recorded.arrivals.arrived(sequence)
             if recorded.silence.since is not None:
                 self.get_logger().info(f"{recorded.topic.name} comes again")
-            recorded.silence.arrived(time.monotonic())
+            recorded.silence.arrived(self._time.now())
+        for tick, _ in ticks:
+            self._time.tell(tick)
+        self._pacing.taken()
 
     def _expected(self) -> dict[str, Early]:
         """Subscribe as the suite publishes; what others offer is seen when they come."""
@@ -163,26 +182,26 @@ class Recorder(Node):
                 )
             self._listen(name, recorded, heard)
         message = DiagnosticArray(status=[self._status()])
-        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.stamp = self._time.stamp()
         self._diagnostics.publish(message)
 
     def _listen(self, name: str, recorded: Recorded, heard: Sequence[TopicEndpointInfo]) -> None:
         """Say at once when a topic falls silent."""
-        silence, now = recorded.silence, time.monotonic()
+        silence, now = recorded.silence, self._time.now()
         before = silence.since
         silence.look(len(heard), now)
         if before is None and silence.since is not None:
             self.get_logger().warning(
-                f"{name}: nothing has come since {_utc(silence.since)}, though it has a publisher "
-                f"({', '.join(node_names(heard))}); see its log and "
+                f"{name}: nothing has come since {self._utc(silence.since)}, though it has a "
+                f"publisher ({', '.join(node_names(heard))}); see its log and "
                 "/diagnostics. If others hear it, start the recorder again"
             )
 
     def silences(self) -> dict[str, str]:
         """What is to be said of each topic that was silent though it had a publisher."""
-        now = time.monotonic()
+        now = self._time.now()
         spans = {name: recorded.silence.spans(now) for name, recorded in self.recorded.items()}
-        return {name: _told(found) for name, found in spans.items() if found}
+        return {name: self._told(found) for name, found in spans.items() if found}
 
     def _status(self) -> DiagnosticStatus:
         arrivals = {name: recorded.arrivals for name, recorded in self.recorded.items()}
@@ -210,10 +229,24 @@ class Recorder(Node):
 
     def _silent(self) -> list[str]:
         return [
-            f"{name} silent since {_utc(one.silence.since)}, though it has a publisher"
+            f"{name} silent since {self._utc(one.silence.since)}, though it has a publisher"
             for name, one in self.recorded.items()
             if one.silence.since is not None
         ]
+
+    def _told(self, spans: Sequence[Span]) -> str:
+        longest = max(spans, key=lambda one: one.seconds)
+        text = f"{longest.seconds:.1f} s from {self._utc(longest.begin)} on"
+        if len(spans) == 1:
+            return text
+        total = sum(one.seconds for one in spans)
+        return f"{total:.1f} s in {len(spans)} silences, the longest {text}"
+
+    def _utc(self, then: float) -> str:
+        """When it was `then` by the clock of the node [s]."""
+        now = nanoseconds(self._time.stamp()) / NANOSECONDS
+        at = datetime.fromtimestamp(now - self._time.now() + then, UTC)
+        return at.strftime("%Y-%m-%dT%H:%M:%SZ")
 
     def _problem(self, name: str, text: str) -> None:
         """Say once what is wrong with a topic."""
@@ -229,18 +262,3 @@ def _rhythm(name: str, service: Service) -> Rhythm:
     if known:
         return Rhythm.CONTINUOUS if known[0].continuous else Rhythm.ANY
     return Rhythm.ANY if service.latched else Rhythm.UNKNOWN
-
-
-def _told(spans: Sequence[Span]) -> str:
-    longest = max(spans, key=lambda one: one.seconds)
-    text = f"{longest.seconds:.1f} s from {_utc(longest.begin)} on"
-    if len(spans) == 1:
-        return text
-    total = sum(one.seconds for one in spans)
-    return f"{total:.1f} s in {len(spans)} silences, the longest {text}"
-
-
-def _utc(steady: float) -> str:
-    """When the steady clock was there [s]."""
-    at = datetime.fromtimestamp(time.time() - time.monotonic() + steady, UTC)
-    return at.strftime("%Y-%m-%dT%H:%M:%SZ")

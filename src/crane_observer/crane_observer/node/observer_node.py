@@ -12,12 +12,14 @@ from crane_model.errors import CraneError
 from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART
 from crane_nodes.names import full_name
+from crane_nodes.node_time import NodeTime, Pacing
 from crane_nodes.parameters import NodeParameter, declare, hold
 from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
 from crane_observer.node.topics import report_message
 
 PUBLISH = 1.0  # s, of diagnostics
+AHEAD = 0.05  # s, by which simulated time may be ahead: the driver moves joints by estimates
 HeardTopic: TypeAlias = tuple[str, type, QoSProfile]
 
 
@@ -37,6 +39,9 @@ class ObserverNode(LifecycleNode):
         declare(self, parameters, read_only=(AUTOSTART, MACHINE))
         self._configured = self._active = False
         hold(self, parameters, lambda: "configured" if self._configured else "unconfigured")
+        self.clock = NodeTime(self)
+        self.clock.listen()
+        self._pacing: Pacing | None = None
         self._heard, self._tells = heard, tells
         self._queues: list[Polled] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -83,6 +88,7 @@ class ObserverNode(LifecycleNode):
         self._queues = [Polled(self, msgtype, topic, qos) for topic, msgtype, qos in self._heard]
         self.begin()
         self._active = True
+        self._pacing = Pacing(self, self.clock, AHEAD)
         say_ready(self)
         return activated
 
@@ -91,6 +97,8 @@ class ObserverNode(LifecycleNode):
         for queue in self._queues:
             queue.close()
         self._queues = []
+        if self._pacing is not None:
+            self._pacing.close()
         self._finish()
         return super().on_deactivate(state)
 
@@ -116,6 +124,8 @@ class ObserverNode(LifecycleNode):
             for message, _ in queue.take():
                 self.hear(topic, message)
         self.tell()
+        if self._pacing is not None:
+            self._pacing.taken()
 
     def _report(self) -> None:
         status = DiagnosticStatus(
@@ -125,4 +135,4 @@ class ObserverNode(LifecycleNode):
             self.report(status)
         else:
             status.message = "not active"
-        self._diagnostics.publish(report_message(status, self.get_clock().now().to_msg()))
+        self._diagnostics.publish(report_message(status, self.clock.stamp()))

@@ -1,6 +1,5 @@
 """`position_sensor`: positions and the load at the tip as a managed node."""
 
-import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -96,7 +95,7 @@ class PositionSensorNode(ObserverNode):
     def begin(self) -> None:
         """From where the crane is said to be."""
         self._hearing, self._told = PositionHearing(self._begin), None
-        self._pressed = time.monotonic()
+        self._pressed = self.clock.now()
 
     def end(self) -> None:
         """Where the crane is has to be found anew."""
@@ -107,7 +106,7 @@ class PositionSensorNode(ObserverNode):
         assert self._hearing is not None
         self._hearing.add(topic, message)
         if isinstance(message, CylinderPressures):
-            self._pressed = time.monotonic()
+            self._pressed = self.clock.now()
 
     def tell(self) -> None:
         """Where the joints are."""
@@ -118,7 +117,7 @@ class PositionSensorNode(ObserverNode):
     def report(self, status: DiagnosticStatus) -> None:
         """Condition, and what is not observable."""
         told, sensor = self._told, self._hearing.sensor if self._hearing else None
-        if told is None or sensor is None or time.monotonic() - self._pressed > SILENCE:
+        if told is None or sensor is None or self.clock.now() - self._pressed > SILENCE:
             status.level, status.message = DiagnosticStatus.WARN, SensorCondition.WAITING.value
             return
         joints = zip(self._begin.model.joints, told.observable, strict=True)

@@ -1,7 +1,6 @@
 """`scale`: what hangs at the tip, as a managed node."""
 
 import csv
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
@@ -93,7 +92,7 @@ class ScaleNode(ObserverNode):
 
     def report(self, status: DiagnosticStatus) -> None:
         """Load and condition."""
-        if self._weighing is None or time.monotonic() - self._weighed > SILENCE:
+        if self._weighing is None or self.clock.now() - self._weighed > SILENCE:
             status.level, status.message = DiagnosticStatus.WARN, ScaleCondition.WAITING.value
             return
         assert self._scale is not None
@@ -141,7 +140,7 @@ class ScaleNode(ObserverNode):
         assert self._zero is not None
         if self._weighing is None or weighing.condition is not self._weighing.condition:
             self.get_logger().info(weighing.condition.value)
-        self._weighing, self._weighed = weighing, time.monotonic()
+        self._weighing, self._weighed = weighing, self.clock.now()
         self._loads.publish(load_message(weighing, self._zero))
         self._ended(self._lifts.add(weighing))
 

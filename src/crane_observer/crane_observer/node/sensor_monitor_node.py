@@ -1,6 +1,5 @@
 """`sensor_monitor`: which sensor is lying, as a managed node."""
 
-import time
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -108,7 +107,7 @@ class SensorMonitorNode(ObserverNode):
             status.level = DiagnosticStatus.ERROR
             status.message = "; ".join(f"{one.sensor}: {one.kind}" for one in findings)
             status.values = [KeyValue(key=one.sensor, value=str(one)) for one in findings]
-        elif time.monotonic() - self._compared > SILENCE:
+        elif self.clock.now() - self._compared > SILENCE:
             status.level, status.message = DiagnosticStatus.WARN, Heed.WAITING.value
         else:
             status.message = self._watch.condition.value
@@ -151,7 +150,7 @@ class SensorMonitorNode(ObserverNode):
                     message.supply,
                 )
                 if watched.refused == refused:
-                    self._compared = time.monotonic()
+                    self._compared = self.clock.now()
                 return found
 
     def _publish(self) -> None:

@@ -1,4 +1,16 @@
-"""Keeping real time, and saying when it is not kept."""
+"""The pace of the simulated crane: real time, or lock-step with its driver."""
+
+import sys
+import threading
+import time
+from contextlib import suppress
+
+from crane_bags.clocks import NANOSECONDS
+from crane_driver.can.bus import BusError
+from crane_driver.can.frame import Frame
+from crane_driver.can.link import Link
+from crane_driver.can.simulated_time import START_NS, STEP, time_frame, told_time
+from crane_nodes.scheduling import PATIENCE_S
 
 REPORT = 1.0  # s, at least between two reports
 BACKLOG = 10  # cycles, that are run one upon the other after a delay
@@ -52,3 +64,61 @@ class PlantPace:
             f"{self.cycles} cycles, {self.left_out} of {total} left out, longest delay "
             f"{self.longest * 1e3:.0f} ms, {lost:.2f} s lost"
         )
+
+
+REPEAT_S = 0.1  # of real time, after which a driver that may have begun anew is told the time again
+REMARK_S = 5.0  # of real time, for which the driver is waited for without a word
+
+
+class LockStep:
+    """Cycles of `period` [s] on simulated time, each begun when the driver has answered the last.
+
+    A driver that has answered before and does not for `PATIENCE_S` is taken to be dead: time goes
+    on as in reality, and the valves close as they do when commands stop.
+    """
+
+    def __init__(self, link: Link, woken: threading.Event, period: float):
+        """`link` sets `woken` at each answer of the driver."""
+        self._link, self._woken, self._period = link, woken, round(period * NANOSECONDS)
+        self._begun = time.monotonic()
+        self._driven = False  # whether there is a driver, as far as it is known
+        self._dead = False
+        self.time = START_NS  # of the cycle [ns]
+        self.answer: list[Frame] = []  # frames that came for it
+
+    @property
+    def after(self) -> float:
+        """Time of the next cycle [s]."""
+        return (self.time + self._period) / NANOSECONDS
+
+    def wait(self, stop: threading.Event) -> None:
+        """Wait until the driver has answered the cycle, and begin the next one."""
+        begun, remarked = time.monotonic(), False
+        frames: list[Frame] = []
+        while not stop.is_set():
+            self._woken.wait(self._period / NANOSECONDS if self._dead else REPEAT_S)
+            self._woken.clear()
+            frames += self._link.take()
+            if any(told_time(frame, STEP) == self.time for frame in frames):
+                self._driven, self._dead = True, False
+                break
+            waited = time.monotonic() - begun
+            if self._dead or (self._driven and waited > PATIENCE_S):
+                self._dead = True
+                break
+            if waited > REMARK_S and not remarked:
+                remarked = True
+                whom = "its driver" if self._driven else "a driver with use_sim_time:=true"
+                print(f"simulated time stands still: waiting for {whom}", file=sys.stderr)
+            with suppress(BusError):
+                self._link.send(time_frame(self.time))
+        now = self.time / NANOSECONDS
+        self.answer = [one._replace(stamp=self.time, steady=now) for one in frames]
+        self.time += self._period
+
+    @property
+    def summary(self) -> str:
+        """How fast it went."""
+        simulated = (self.time - START_NS) / NANOSECONDS
+        real = time.monotonic() - self._begun
+        return f"{simulated:.1f} s of simulated time in {real:.1f} s"

@@ -1,4 +1,4 @@
-"""`simulated_crane`: the stand-in machine in real time on a CAN bus, in the place of the real one.
+"""`simulated_crane`: the stand-in machine on a CAN bus, in the place of the real one.
 
 It has a plain command line and no ROS: it stands for a machine, which has none either; all that it
 shares with the driver is the bus.
@@ -14,17 +14,20 @@ from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
+from crane_bags.clocks import NANOSECONDS
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusError
+from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_driver.can.options import bus_settings
+from crane_driver.can.simulated_time import START_NS, STEP, check_private, time_frame
 from crane_model import cli
 from crane_model.arguments import whole
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.bus.operator_at_machine import Operator
-from crane_sim.bus.pace import PlantPace
+from crane_sim.bus.pace import LockStep, PlantPace
 from crane_sim.faulty.faults import Faults
 from crane_sim.options import add_faults, add_plant, load_both
 from crane_sim.parts.pose import parse_pose
@@ -37,7 +40,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Simulate the crane on a CAN bus in real time until Ctrl-C."""
+    """Simulate the crane on a CAN bus until Ctrl-C, in real time or on simulated time."""
     options = _parser().parse_args(argv)
     stop = threading.Event()
 
@@ -69,7 +72,10 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
         plant = Plant(parameters, machine, pose)
     timed = Faults(machine, options.fault, options.seed, leaks=not options.model)
     sensors = Sensors(parameters.sensors, machine, options.seed, timed=timed)
-    with Link(settings) as link:
+    if options.lock_step:
+        check_private(settings)
+    woken = threading.Event()
+    with Link(settings, woken.set, cycle=frozenset({STEP})) as link:
         # Compiled here, not while the clock runs: the first steps may take seconds.
         warm = MachineOnBus(layout, plant, Sensors(parameters.sensors, machine, 0), 0.0)
         warm.run(parameters.step)
@@ -80,25 +86,53 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
             threading.Thread(
                 target=operator.follow, args=(sys.stdin, sys.stderr), daemon=True
             ).start()
-        start = time.monotonic()
+        start = START_NS / NANOSECONDS if options.lock_step else time.monotonic()
         crane = MachineOnBus(layout, plant, sensors, start, operator)
-        pace = PlantPace(crane.period, start)
-        crane.run(pace.due)
-        print(f"ready: simulated crane on {settings}, every {crane.period * 1e3:g} ms", flush=True)
-        shown = crane.valves.state
-        while not stop.wait(pace.pause(time.monotonic())):
-            for frame in crane.exchange(link.take()):
-                with suppress(BusError):  # the link reports a lost bus, and reopens it
-                    link.send(frame)
-            for fault in link.take_faults():
-                print(fault, file=sys.stderr, flush=True)
-            if crane.valves.state is not shown:
-                shown = crane.valves.state
-                print(f"valves: {shown}", flush=True)
-            if report := pace.next(time.monotonic()):
-                print(report, file=sys.stderr, flush=True)
-            crane.run(pace.due)  # until the next readings, while nobody waits for them
-        print(pace.summary(crane.lost), flush=True)
+        every = f"every {crane.period * 1e3:g} ms"
+        if options.lock_step:
+            print(f"ready: simulated crane on {settings}, {every} of simulated time", flush=True)
+            _in_lock_step(crane, link, LockStep(link, woken, crane.period), stop)
+        else:
+            print(f"ready: simulated crane on {settings}, {every}", flush=True)
+            _in_real_time(crane, link, PlantPace(crane.period, start), stop)
+
+
+def _in_real_time(crane: MachineOnBus, link: Link, pace: PlantPace, stop: threading.Event) -> None:
+    crane.run(pace.due)
+    shown = crane.valves.state
+    while not stop.wait(pace.pause(time.monotonic())):
+        _send(link, crane.exchange(link.take()))
+        shown = _tell(crane, link, shown)
+        if report := pace.next(time.monotonic()):
+            print(report, file=sys.stderr, flush=True)
+        crane.run(pace.due)  # until the next readings, while nobody waits for them
+    print(pace.summary(crane.lost), flush=True)
+
+
+def _in_lock_step(crane: MachineOnBus, link: Link, pace: LockStep, stop: threading.Event) -> None:
+    """The same, but every cycle begins when the driver has answered the one before."""
+    shown = crane.valves.state
+    while not stop.is_set():
+        _send(link, [*crane.exchange(pace.answer), time_frame(pace.time)])
+        shown = _tell(crane, link, shown)
+        crane.run(pace.after)  # until the next readings, while the driver works
+        pace.wait(stop)
+    print(pace.summary, flush=True)
+
+
+def _send(link: Link, frames: Sequence[Frame]) -> None:
+    for frame in frames:
+        with suppress(BusError):  # the link reports a lost bus, and reopens it
+            link.send(frame)
+
+
+def _tell(crane: MachineOnBus, link: Link, shown: str) -> str:
+    """Print what is new; return the state of the valves."""
+    for fault in link.take_faults():
+        print(fault, file=sys.stderr, flush=True)
+    if crane.valves.state is not shown:
+        print(f"valves: {crane.valves.state}", flush=True)
+    return crane.valves.state
 
 
 def _standing(twin: TwinPlant) -> str:
@@ -145,6 +179,12 @@ def _parser() -> argparse.ArgumentParser:
         help="take from standard input what an operator does at the machine: JOINT=OPENING moves "
         "a lever (positive moves the joint up, 0 lets go), engine=off and engine=on, "
         "fault=TARGET.PART.KIND as of --fault, from now on, and mended=TARGET.PART",
+    )
+    parser.add_argument(
+        "--lock-step",
+        action="store_true",
+        help="run on simulated time: each cycle waits for a driver with use_sim_time, so that "
+        "nothing is late on a busy computer",
     )
     add_faults(parser)
     parser.add_argument("--seed", type=whole(0), default=0, help="of the sensors' noise")

@@ -1,0 +1,225 @@
+"""The driver on simulated time: it lets the simulated crane go on, cycle by cycle.
+
+In each cycle the readings of the crane come, and their time behind them. The samples are published,
+whoever commands the crane answers them, and then valve frames are sent and the crane goes on. The
+load of the computer makes nothing late, and a run can be repeated to the last bit.
+
+Who is waited for, each for at most `PATIENCE_S`:
+
+- the command that answers a cycle, if its sender has answered the cycle before;
+- nodes that must not be left behind, as they say by `Pacing`.
+
+While nobody commands the crane, simulated time passes no faster than real time. With `listeners`
+it begins when these nodes hear the joint states, and stands still while the crane rests.
+"""
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+from rosgraph_msgs.msg import Clock as ClockMessage
+from std_msgs.msg import Header
+
+from crane_bags.clocks import NANOSECONDS
+from crane_bags.types import JOINT_STATES
+from crane_driver.active_driver import ActiveDriver
+from crane_driver.can.frame import Frame
+from crane_driver.can.simulated_time import TIME, step_frame, told_time
+from crane_driver.realtime import RealTimeSettings
+from crane_driver.safety.states import SafetyState
+from crane_interfaces.msg import ValveCommand
+from crane_nodes.names import full_name
+from crane_nodes.node_time import CLOCK, CLOCK_TOPIC, TAKEN, TAKEN_TOPIC, NodeTime
+from crane_nodes.polled import Polled
+from crane_nodes.scheduling import PATIENCE_S
+from crane_nodes.stamps import nanoseconds, stamp_of
+
+QUIET_NS = NANOSECONDS  # after which a crane that rests needs no more time
+REMARK_S = 5.0  # of real time, for which somebody is waited for without a word
+REPEAT_S = 0.1  # of real time, between two messages of /clock while time stands still
+ASK_S = 0.2  # of real time, between two questions who is there
+EARLY = 0.9  # cycles, by which a timer may come too early
+LONGEST_TRAIN = 1000  # frames without a time
+NOBODY, NO_COMMANDER, PACE = "", "no commander", "pace"
+
+
+class LockStepDriver(ActiveDriver):
+    """An `ActiveDriver` whose time comes from the bus."""
+
+    def __init__(self, clock: NodeTime, listeners: Sequence[str], *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._clock, self._listeners = clock, frozenset(listeners)
+        self._time = 0  # of the newest cycle [ns]
+        self._frames: deque[Frame] = deque()
+        self._train: list[Frame] = []  # of the cycle that is coming
+        self._waiting = False  # whether the crane waits for this driver
+        self._since = self._stepped = self._asked = self._ticked = time.monotonic()
+        self._answered = 0  # stamp of the newest command [ns]
+        self._state, self._changed = SafetyState.OFFLINE, 0
+        self._taken: dict[str, int] = {}  # by node, how far the crane may go [ns]
+        self._absent = sorted(self._listeners)
+        self._remark = ""
+
+    def begin(self, realtime: RealTimeSettings) -> None:
+        """Listen to commands and wait for the crane; simulated time needs no priority."""
+        self._ticks = self._node.create_publisher(ClockMessage, CLOCK_TOPIC, CLOCK)
+        self._paced = Polled(self._node, Header, TAKEN_TOPIC, TAKEN)
+        super().begin(RealTimeSettings(priority=0, lock_memory=False))
+
+    def end(self) -> None:
+        """Ramp to neutral and close the bus."""
+        super().end()
+        self._paced.close()
+        self._node.destroy_publisher(self._ticks)
+
+    # time
+
+    def _now(self) -> float:
+        """Simulated time [s]; if the crane is gone, the steady clock goes on from there."""
+        return self._time / NANOSECONDS + max(0.0, self._silent() - PATIENCE_S)
+
+    def _silent(self) -> float:
+        """For how long nothing has come from the crane that is to go on [s, real]."""
+        return 0.0 if self._waiting else time.monotonic() - self._since
+
+    def _stamp(self) -> int:
+        return self._time
+
+    def _runs(self) -> float:
+        return self._now()  # the crane waits for a driver that is late: it never stalls
+
+    def _pause(self) -> None:
+        if self._waiting:
+            self._step()
+        while not self._arrived() and self._silent() < ASK_S:
+            time.sleep(1e-4)
+        self._train.clear()
+
+    # cycles
+
+    def receive(self) -> None:
+        """Take the frames that wait, and work if they complete a cycle."""
+        while self._arrived():
+            self._tick()
+            frames, self._train = self._train, []
+            self._publish(frames)
+            self._judge(self._now(), self._now())
+            self._go_on_if(led=True)
+
+    def _arrived(self) -> bool:
+        """Collect the frames of a cycle; return whether its time has come, which ends it."""
+        self._frames += self.link.take()
+        while self._frames:
+            frame = self._frames.popleft()
+            if (told := told_time(frame, TIME)) is None:
+                self._train.append(frame)
+            elif told != self._time:
+                self._time, self._waiting, self._since = told, True, time.monotonic()
+                steady = told / NANOSECONDS
+                self._train = [one._replace(stamp=told, steady=steady) for one in self._train]
+                return True
+            elif not self._waiting:  # the crane repeats itself, and may have missed the answer
+                self._step()
+        del self._train[:-LONGEST_TRAIN]
+        return False
+
+    def _tick(self) -> None:
+        message = ClockMessage(clock=stamp_of(self._time))
+        self._clock.tell(message)
+        self._ticks.publish(message)
+        self._ticked = time.monotonic()
+
+    def _due(self) -> None:
+        """Look, every cycle of real time, whether somebody is waited for who will not answer."""
+        self._go_on_if(led=False)
+        if self._waiting and time.monotonic() - self._ticked > REPEAT_S:
+            self._tick()  # for nodes that have come since
+        if self._silent() > PATIENCE_S:  # the crane is gone
+            self._judge(self._now(), self._now())
+            self._answer(self._now())
+        self._say()
+
+    def _command(self, message: ValveCommand, info: dict[str, Any]) -> None:
+        self._commanded(message, self._now())
+        self._answered = nanoseconds(message.header.stamp)
+        self._go_on_if(led=True)
+
+    def _go_on_if(self, led: bool) -> None:
+        """Let the crane go on unless somebody is waited for; `led`: because a message came."""
+        if not self._waiting or self._awaited(led):
+            return
+        self._answer(self._now())
+        self._step()
+
+    def _step(self) -> None:
+        self._send([step_frame(self._time)])
+        if self._waiting:
+            self._waiting, self._since = False, time.monotonic()
+            self._stepped = self._since
+
+    def _awaited(self, led: bool) -> str:
+        """Who is waited for before the crane goes on; empty if nobody is."""
+        supervisor, waited = self.loop.supervisor, time.monotonic() - self._since
+        open_valves = any(supervisor.sent.values())
+        if supervisor.state is not self._state or open_valves:
+            self._state, self._changed = supervisor.state, self._time
+        if waited < PATIENCE_S and (behind := self._behind()):
+            return behind
+        cycles = (self._time - self._answered) / (self.loop.cycle * NANOSECONDS)
+        if supervisor.letting_through and self._commanders():
+            if cycles < 0.5:
+                return NOBODY
+            if cycles < 1.5 and waited < PATIENCE_S:
+                return "the command that answers this cycle"
+        if self._listeners and not open_valves:
+            quiet = self._time - self._changed > QUIET_NS and self._state is not SafetyState.OFFLINE
+            if supervisor.letting_through or quiet:
+                return NO_COMMANDER
+            if absent := self._missing():
+                return absent
+        early = time.monotonic() - self._stepped < EARLY * self.loop.cycle
+        return PACE if led or early else NOBODY
+
+    def _behind(self) -> str:
+        """Name a node that the crane would leave behind."""
+        if not self._late():
+            return NOBODY
+        self._taken |= {one.frame_id: nanoseconds(one.stamp) for one, _ in self._paced.take()}
+        if (late := self._late()) and self._may_ask():
+            there = self._node.get_publishers_info_by_topic(TAKEN_TOPIC)
+            names = {f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in there}
+            self._taken = {name: until for name, until in self._taken.items() if name in names}
+            late = self._late()
+        return late
+
+    def _late(self) -> str:
+        return next((name for name, until in self._taken.items() if until < self._time), NOBODY)
+
+    def _missing(self) -> str:
+        """Name the listeners that are not there yet; once they were, time has begun."""
+        if self._absent and self._may_ask():
+            heard = self._node.get_subscriptions_info_by_topic(JOINT_STATES.relative)
+            self._absent = sorted(set(self._absent) - {one.node_name for one in heard})
+        return ", ".join(self._absent)
+
+    def _may_ask(self) -> bool:
+        """Return whether it is time to ask the graph again, which is dear."""
+        now = time.monotonic()
+        if now - self._asked < ASK_S:
+            return False
+        self._asked = now
+        return True
+
+    def _say(self) -> None:
+        """Tell, once each, who keeps simulated time from going on."""
+        remark = ""
+        if time.monotonic() - self._since > REMARK_S:
+            remark = self._awaited(led=False) if self._waiting else "the simulated crane"
+            if self._train:
+                remark += ", which runs in real time: start it with --lock-step"
+        if remark != self._remark and remark not in (NO_COMMANDER, PACE):
+            name = full_name(self._node)
+            stands = f"simulated time stands still: {name} waits for {remark}"
+            self._log.warning(stands) if remark else self._log.info("simulated time goes on")
+            self._remark = remark

@@ -1,0 +1,106 @@
+"""The time of a node: the steady clock, or simulated time where `use_sim_time` is set."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Header
+
+from crane_bags.clocks import NANOSECONDS
+from crane_nodes.scheduling import PATIENCE_S
+from crane_nodes.stamps import nanoseconds, stamp_of
+
+CLOCK_TOPIC = "/clock"
+TAKEN_TOPIC = "lock_step"
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+CLOCK = QoSProfile(depth=10)
+TAKEN = QoSProfile(depth=100)
+
+
+class NodeTime:
+    """Tells a node the time by which its limits and timeouts count.
+
+    Timers of the nodes run on the steady clock in both cases: they look at what there is, and this
+    time judges it. If `/clock` falls silent for `PATIENCE_S`, simulated time goes on with the
+    steady clock, so that whoever waits for a process that has died finds out as ever.
+    """
+
+    def __init__(self, node: Node):
+        self._node = node
+        self.simulated: bool = node.get_parameter("use_sim_time").value is True
+        self._heard = time.monotonic()
+        self._newest = 0
+        if self.simulated:
+            source = node._time_source
+            node.destroy_subscription(source._clock_sub)  # it does not tell that the clock is alive
+            source._clock_sub = None
+            self._told: Callable[[Clock], None] = source.clock_callback
+
+    def listen(self) -> None:
+        """Follow `/clock`."""
+        if self.simulated:
+            self._node.create_subscription(Clock, CLOCK_TOPIC, self.tell, NEWEST)
+
+    def tell(self, message: Clock) -> None:
+        """Take the time that a message of `/clock` tells."""
+        self._heard = time.monotonic()
+        self._newest = nanoseconds(message.clock)
+        self._told(message)
+
+    def now(self) -> float:
+        """Time [s]; its zero has no meaning."""
+        if not self.simulated:
+            return time.monotonic()
+        silent = time.monotonic() - self._heard
+        return self._newest / NANOSECONDS + max(0.0, silent - PATIENCE_S)
+
+    def of(self, stamp: Time) -> float:
+        """Time [s] at which a message with this stamp is handled.
+
+        In simulated time it is that of the stamp: the message may come before its tick of `/clock`.
+        """
+        if not self.simulated:
+            return time.monotonic()
+        self._newest = max(self._newest, nanoseconds(stamp))
+        return nanoseconds(stamp) / NANOSECONDS
+
+    def stamp(self) -> Time:
+        """Stamp of what is sent now."""
+        if self.simulated:
+            return stamp_of(self._newest)
+        return self._node.get_clock().now().to_msg()
+
+
+class Pacing:
+    """Tells the driver how far a node has come in simulated time, so that it is not left behind.
+
+    The crane goes no further ahead than `ahead` [s].
+    """
+
+    def __init__(self, node: Node, clock: NodeTime, ahead: float):
+        self._node, self._clock = node, clock
+        self._ahead, self._told = round(ahead * NANOSECONDS), 0
+        self._name = node.get_fully_qualified_name()
+        self._publisher: Any = (
+            node.create_publisher(Header, TAKEN_TOPIC, TAKEN) if clock.simulated else None
+        )
+
+    def taken(self) -> None:
+        """Say that all that came up to now was taken."""
+        if self._publisher is None:
+            return
+        now = nanoseconds(self._clock.stamp())
+        if 0 <= now - self._told < self._ahead // 4:
+            return
+        self._told = now
+        self._publisher.publish(Header(stamp=stamp_of(now + self._ahead), frame_id=self._name))
+
+    def close(self) -> None:
+        """Be waited for no more."""
+        if self._publisher is not None:
+            self._node.destroy_publisher(self._publisher)
+            self._publisher = None
