@@ -185,13 +185,20 @@ class LockStepDriver(ActiveDriver):
         """Name a node that the crane would leave behind."""
         if not self._late():
             return NOBODY
-        self._taken |= {one.frame_id: nanoseconds(one.stamp) for one, _ in self._paced.take()}
+        self._hear()
         if (late := self._late()) and self._may_ask():
-            there = self._node.get_publishers_info_by_topic(TAKEN_TOPIC)
-            names = {f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in there}
-            self._taken = {name: until for name, until in self._taken.items() if name in names}
+            there = self._pacing()
+            self._taken = {name: until for name, until in self._taken.items() if name in there}
             late = self._late()
         return late
+
+    def _pacing(self) -> set[str]:
+        """Full names of the nodes that say how far they have come."""
+        there = self._node.get_publishers_info_by_topic(TAKEN_TOPIC)
+        return {f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in there}
+
+    def _hear(self) -> None:
+        self._taken |= {one.frame_id: nanoseconds(one.stamp) for one, _ in self._paced.take()}
 
     def _late(self) -> str:
         return next((name for name, until in self._taken.items() if until < self._time), NOBODY)
@@ -200,7 +207,10 @@ class LockStepDriver(ActiveDriver):
         """Name the listeners that are not there yet; once they were, time has begun."""
         if self._absent and self._may_ask():
             heard = self._node.get_subscriptions_info_by_topic(JOINT_STATES.relative)
-            self._absent = sorted(set(self._absent) - {one.node_name for one in heard})
+            self._hear()
+            silent = {name.rpartition("/")[2] for name in self._pacing() - self._taken.keys()}
+            there = {one.node_name for one in heard} - silent
+            self._absent = sorted(self._listeners - there)
         return ", ".join(self._absent)
 
     def _may_ask(self) -> bool:

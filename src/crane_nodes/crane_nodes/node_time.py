@@ -6,7 +6,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
@@ -18,7 +18,7 @@ CLOCK_TOPIC = "/clock"
 TAKEN_TOPIC = "lock_step"
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 CLOCK = QoSProfile(depth=10)
-TAKEN = QoSProfile(depth=100)
+TAKEN = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class NodeTime:
@@ -83,11 +83,12 @@ class Pacing:
 
     def __init__(self, node: Node, clock: NodeTime, ahead: float):
         self._node, self._clock = node, clock
-        self._ahead, self._told = round(ahead * NANOSECONDS), 0
+        self._ahead, self._told = round(ahead * NANOSECONDS), -NANOSECONDS
         self._name = node.get_fully_qualified_name()
         self._publisher: Any = (
             node.create_publisher(Header, TAKEN_TOPIC, TAKEN) if clock.simulated else None
         )
+        self.taken()  # from now on this node is waited for
 
     def taken(self) -> None:
         """Say that all that came up to now was taken."""
