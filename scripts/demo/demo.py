@@ -64,6 +64,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="The whole suite at work.")
     parser.add_argument("--view", action="store_true", help="show it in a browser meanwhile")
     parser.add_argument("--seed", type=int, default=SEED, help="of noise and of what is hidden")
+    parser.add_argument(
+        "--realtime", action="store_true", help="at the pace of a real crane, not simulated time"
+    )
     add_machine(parser)
     options = parser.parse_args()
     try:
@@ -76,10 +79,12 @@ def main() -> int:
     phases = Phases(console)
     shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
     domain = live.own_domain()
-    environment = {"ROS_DOMAIN_ID": str(domain)} | this_computer.variables(os.environ)
+    OUT.mkdir(parents=True)
+    variables = this_computer.patient_variables(os.environ, OUT)
+    environment = {"ROS_DOMAIN_ID": str(domain)} | variables
     os.environ.update(environment)
     try:
-        with Processes(OUT / "logs", environment) as suite:
+        with Processes(OUT / "logs", environment, not options.realtime) as suite:
             if options.view:
                 console.print(f"open in a browser: {live.show(suite, laws[0])}")
             _demo(console, phases, suite, domain, laws, options.seed)

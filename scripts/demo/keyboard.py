@@ -12,7 +12,7 @@ from processes import DemoError, Processes
 
 REPEAT_S = 1 / 30  # of a key that is held
 HELD_S, LET_GO_S = 3.0, 0.3  # jog, where it paused itself, wants keys let go before they count
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 
 
 class Keyboard:
@@ -25,6 +25,7 @@ class Keyboard:
     def __enter__(self) -> Self:
         self._suite.start(
             *("jog", "crane_driver", "jog", "--ros-args", "-p", f"machine:={self._machine}"),
+            *self._suite.clock,
             stdin=self._terminal,
         )
         self._suite.until(lambda: "emergency stop" in self._suite.said("jog"), "jog shows no keys")

@@ -14,19 +14,19 @@ from laws import EXCITATION, VALIDATION, Law
 from processes import DemoError, Processes
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from crane_bags.types import JOINT_STATES
 from crane_interfaces.msg import DriverState
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.executor import KeptExecutor
+from crane_nodes.node_time import NodeTime
 
+# As docs/how_to/real_time.md has them; the driver asks for 50.
+MACHINE_PRIORITY, CONTROLLER_PRIORITY = 60, 40
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
 FIT_PERIODS, VALIDATION_PERIODS, FOLLOW_PERIODS = 3, 2, 1
-# Of SCHED_FIFO, as docs/how_to/real_time.md has them, for a browser that draws on the same cores;
-# the driver asks for 50.
-MACHINE_PRIORITY, CONTROLLER_PRIORITY = 60, 40
-TRIES = 2
 NAME = "demo"
 VIEWER = "viewer"
 PAGE = "open in a browser: "
@@ -39,32 +39,44 @@ Say = Callable[[str], None]
 class Onlooker:
     """A node that sees when the others are ready."""
 
-    def __init__(self, domain: int):
-        self._domain = domain
+    def __init__(self, suite: Processes, domain: int):
+        self._suite, self._domain = suite, domain
         self._context = Context()
         rclpy.init(
             context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
         )
-        self.node = Node(NAME, context=self._context)
+        simulated = Parameter("use_sim_time", value=suite.simulated)
+        self.node = Node(NAME, context=self._context, parameter_overrides=[simulated])
+        self.clock = NodeTime(self.node)
+        self.clock.listen()
         self.executor = KeptExecutor(context=self._context)
         self.executor.add_node(self.node)
         self.driver = DriverClient(self.node)
 
-    def ready(self, listeners: Collection[str]) -> bool:
-        """Whether these nodes listen to the driver, and it could be enabled.
+    def lacking(self, listeners: Collection[str]) -> str:
+        """Name the nodes that do not listen to the driver yet, or why it could not be enabled.
 
         That a node says it is ready is not enough: the recorder takes up a topic when it finds it.
-        While five processes start at once, frames may come late: such faults are reset.
         """
         self.executor.spin_once(timeout_sec=0.1)
         found = self.node.get_subscriptions_info_by_topic(JOINT_STATES.name)
-        if not {one.node_name for one in found} >= set(listeners):
-            return False
-        state = self.driver.state.state
-        if state == DriverState.STATE_FAULT and self.driver.ready:
-            answer = self.driver.reset_fault()
-            self.executor.spin_until_future_complete(answer, timeout_sec=ANSWER_TIMEOUT_S)
-        return state == DriverState.STATE_DISABLED
+        if absent := set(listeners) - {one.node_name for one in found}:
+            return f"{', '.join(sorted(absent))} do not listen to the driver yet"
+        state = self.driver.state
+        if state.state == DriverState.STATE_DISABLED:
+            return ""
+        return f"driver: {state.text}; {state.cause}; {state.remedy}"
+
+    def ready(self, listeners: Collection[str]) -> None:
+        """Wait until these nodes listen to the driver and it can be enabled."""
+        why = ""
+
+        def lacks_nothing() -> bool:
+            nonlocal why
+            why = self.lacking(listeners)
+            return not why
+
+        self._suite.until(lacks_nothing, lambda: why)
 
     def __enter__(self) -> Self:
         end = time.monotonic() + DISCOVERY_TIME_S
@@ -84,18 +96,17 @@ class Onlooker:
 def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None:
     """The bags of `law`, recorded live, and the identification node's model beside them.
 
-    `DemoError` if a process fails or an experiment ends early, twice.
+    `DemoError` if a process fails or an experiment ends early.
     """
-    with Onlooker(domain) as onlooker:
+    with Onlooker(suite, domain) as onlooker:
         say("starting: simulated crane, driver, trajectory, identification, recorder")
-        start(suite, law, seed)
+        listeners = (*LEADING, "identification")
+        start(suite, law, seed, listeners=listeners)
         suite.start(
             *("identification", "crane_identification", "identification", "--ros-args"),
-            *("-p", f"machine:={law.machine}"),
+            *("-p", f"machine:={law.machine}", *suite.clock),
         )
-        _experiment(
-            suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, (*LEADING, "identification")
-        )
+        _experiment(suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, listeners)
         suite.stop("identification")
         say("a second, other motion, for validation")
         _experiment(suite, onlooker, law, "validate", VALIDATION, VALIDATION_PERIODS, LEADING)
@@ -106,7 +117,7 @@ def show(suite: Processes, law: Law) -> str:
     """Show what the topics tell in a browser; where."""
     suite.start(
         *(VIEWER, "crane_viewer", "viewer", "--machine", law.machine),
-        *("--web-port", 0, "--data-port", 0),
+        *("--web-port", 0, "--data-port", 0, "--ros-args", *suite.clock),
     )
     found: list[str] = []
 
@@ -123,33 +134,43 @@ def follow(suite: Processes, domain: int, law: Law, seed: int, controller: str, 
 
     Recorded as the bag "follow". `DemoError` as `record`.
     """
-    with Onlooker(domain) as onlooker:
+    with Onlooker(suite, domain) as onlooker:
         say(f"the motion of the fit again, led by the fitted model: {controller}")
-        start(suite, law, seed, "-p", f"law:={controller}", "-p", f"model:={law.fitted}")
+        led = ("-p", f"law:={controller}", "-p", f"model:={law.fitted}")
+        start(suite, law, seed, *led, listeners=LEADING)
         _experiment(suite, onlooker, law, "follow", EXCITATION, FOLLOW_PERIODS, LEADING)
         stop(suite)
 
 
-def start(suite: Processes, law: Law, seed: int, *leading: str, plant: Path | None = None) -> None:
+def start(
+    suite: Processes,
+    law: Law,
+    seed: int,
+    *leading: str,
+    listeners: Collection[str],
+    plant: Path | None = None,
+) -> None:
     """Simulated crane, driver, and the trajectory node, `leading` its further arguments.
 
-    The crane is that of the law, or a `plant` file's, and takes lines of an operator.
+    The crane is that of the law, or a `plant` file's, and takes lines of an operator. Simulated
+    time begins when all `listeners` are there.
     """
     port = _free_port()
     suite.start(
         *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}", "--operator"),
         *("--machine", law.machine, "--plant", plant or law.plant, "--seed", seed),
+        *(["--lock-step"] if suite.simulated else ["--priority", MACHINE_PRIORITY]),
         stdin=subprocess.PIPE,
-        priority=MACHINE_PRIORITY,
     )
     suite.start(
         *("driver", "crane_driver", "driver", "--ros-args"),
-        *("-p", f"machine:={law.machine}", "-p", f"bus.options:=port={port}"),
+        *("-p", f"machine:={law.machine}", "-p", f"bus.options:=port={port}", *suite.clock),
+        *("-p", f"simulated_time.listeners:={' '.join(listeners)}"),
     )
     suite.start(
         *("trajectory", "crane_trajectory", "trajectory", "--ros-args"),
-        *("-p", f"machine:={law.machine}", *leading),
-        priority=CONTROLLER_PRIORITY,
+        *("-p", f"machine:={law.machine}", *leading, *suite.clock),
+        *([] if suite.simulated else ["-p", f"realtime.priority:={CONTROLLER_PRIORITY}"]),
     )
 
 
@@ -168,21 +189,22 @@ def _experiment(
     periods: int,
     listeners: Collection[str],
 ) -> None:
-    """One recorded experiment; once more if it ended early, as it may on a busy computer."""
-    bag = law.bag(use)
-    for attempt in range(TRIES):
-        suite.start("recorder", "crane_nodes", "recorder", "--out", bag)
-        suite.until(lambda: onlooker.ready(listeners), "the nodes do not find each other")
-        status = suite.attend(
-            *("excitation", "crane_trajectory", "run_excitation", "--enable"),
-            *("--trajectory", law.file(trajectory), "--periods", periods),
-            *("--result", law.result(use), "--replace"),
-        )
-        suite.stop("recorder")
-        if status == 0:
-            return
-        bag.rename(bag.with_name(f"{use}_ended_early_{attempt}"))
-    raise DemoError(f"the experiment '{use}' ended early {TRIES} times; the lines above say why")
+    """One recorded experiment."""
+    record_to(suite, law.bag(use))
+    onlooker.ready(listeners)
+    status = suite.attend(
+        *("excitation", "crane_trajectory", "run_excitation", "--enable"),
+        *("--trajectory", law.file(trajectory), "--periods", periods),
+        *("--result", law.result(use), "--replace", "--ros-args", *suite.clock),
+    )
+    suite.stop("recorder")
+    if status:
+        raise suite.failed(f"the experiment '{use}' ended early; the lines above say why", "driver")
+
+
+def record_to(suite: Processes, bag: Path) -> None:
+    """Start a recorder."""
+    suite.start("recorder", "crane_nodes", "recorder", "--out", bag, "--ros-args", *suite.clock)
 
 
 def own_domain() -> int:

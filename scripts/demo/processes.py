@@ -12,11 +12,9 @@ from typing import Any, Self
 
 from ament_index_python.packages import get_package_prefix
 
-from crane_driver.realtime import prefer
-
 END_TIMEOUT_S = 20.0  # for a process to end by itself, once it was asked to
-READY_TIMEOUT_S = 120.0  # in which nodes compile, where they run for the first time
-LAST_LINES = 15  # of a log, in an error
+READY_TIMEOUT_S = 300.0  # in which nodes compile, where they run for the first time
+LAST_LINES = 8  # of a log, in an error
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -37,8 +35,11 @@ class Processes:
     then asks them to end one by one. Their output goes to a log file each.
     """
 
-    def __init__(self, logs: Path, environment: Mapping[str, str]):
+    def __init__(self, logs: Path, environment: Mapping[str, str], simulated: bool):
+        """`simulated`: whether the processes run on simulated time."""
         logs.mkdir(parents=True, exist_ok=True)
+        self.simulated = simulated
+        self.clock = ("-p", "use_sim_time:=true") if simulated else ()
         self._logs = logs
         self._environment = os.environ | environment
         self._running: dict[str, subprocess.Popen[bytes]] = {}
@@ -74,11 +75,10 @@ class Processes:
         executable: str,
         *arguments: object,
         stdin: int = subprocess.DEVNULL,
-        priority: int = 0,
     ) -> None:
-        """Start one in the background; with a `priority` of SCHED_FIFO, where that is permitted."""
+        """Start one in the background."""
         with self._log(name).open("ab") as log:
-            self._running[name] = process = subprocess.Popen(
+            self._running[name] = subprocess.Popen(
                 command(package, executable, *arguments),
                 stdin=stdin,
                 stdout=log,
@@ -86,8 +86,6 @@ class Processes:
                 start_new_session=True,
                 env=self._environment,
             )
-        if priority:
-            prefer(process.pid, priority)
 
     def attend(self, name: str, package: str, executable: str, *arguments: object) -> int:
         """Run one in the foreground, its output shown; its exit status."""
@@ -146,11 +144,14 @@ class Processes:
                 raise self._ended(name)
 
     def _ended(self, name: str) -> DemoError:
+        return self.failed(f"{name} ended ({self._running[name].returncode})", name)
+
+    def failed(self, what: str, name: str) -> DemoError:
+        """An error that shows the end of the log of a process which may know why."""
         log = self._log(name)
         lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
-        end = "\n".join(lines[-LAST_LINES:])
-        status = self._running[name].returncode
-        return DemoError(f"{name} ended ({status}); {log} ends with:\n{end}")
+        shown = "\n  ".join(lines[-LAST_LINES:])
+        return DemoError(f"{what}\n{log} ends with:\n  {shown}\nall logs: {self._logs}")
 
     def stop(self, name: str) -> None:
         """Ask one to end, and see to it."""
@@ -164,13 +165,14 @@ class Processes:
             except subprocess.TimeoutExpired:
                 print(f"{name} does not end on {number.name}", file=sys.stderr)
 
-    def until(self, condition: Callable[[], bool], otherwise: str) -> None:
+    def until(self, condition: Callable[[], bool], otherwise: str | Callable[[], str]) -> None:
         """Wait for a condition; `DemoError` if a process ends or it takes too long."""
         end = time.monotonic() + READY_TIMEOUT_S
         while not condition():
             self.check()
             if time.monotonic() > end:
-                raise DemoError(f"{otherwise} (waited {READY_TIMEOUT_S:g} s); see {self._logs}")
+                why = otherwise if isinstance(otherwise, str) else otherwise()
+                raise self.failed(f"{why} (waited {READY_TIMEOUT_S:g} s)", "driver")
 
     def _log(self, name: str) -> Path:
         return self._logs / f"{name}.log"

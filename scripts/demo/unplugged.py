@@ -18,7 +18,7 @@ from following import CONTROLLER
 from keyboard import Keyboard
 from laws import OUT, VALIDATION, Law
 from live import Onlooker, Say
-from processes import DemoError, Processes
+from processes import Processes
 from rclpy.action import ActionClient
 from rclpy.task import Future
 
@@ -30,6 +30,7 @@ from crane_interfaces.srv import SubstituteEncoder
 from crane_model.machine import load_machine
 from crane_model.model_file import load_model
 from crane_nodes.driver_client import LATCHED
+from crane_nodes.stamps import nanoseconds
 from crane_sim.parts.parameters import load_stand_in
 
 USE = "unplugged"  # of its bag
@@ -42,7 +43,6 @@ MOVES = 0.02  # rad/s
 HOME = {"rad": 0.02, "m": 0.01}  # from the rest pose
 RETRY_S = 1.0
 LOOK_S = 0.02  # at most, for something that comes
-TRIES = 4  # while eight nodes find each other, the driver may stall
 PLUGGED_IN_S = 1.0  # recorded afterwards
 
 
@@ -57,8 +57,8 @@ class Pulled(NamedTuple):
 class Hand(Onlooker):
     """Hears the observers, and asks the driver for what an operator would."""
 
-    def __init__(self, domain: int):
-        super().__init__(domain)
+    def __init__(self, suite: Processes, domain: int):
+        super().__init__(suite, domain)
         self.estimate = PositionEstimate()
         self.named: tuple[str, ...] = ()
         self.node.create_subscription(PositionEstimate, "position_estimate", self._estimated, 1)
@@ -66,6 +66,11 @@ class Hand(Onlooker):
         self._action = ActionClient(self.node, RunExcitation, "run_excitation")
         self._ending: Future | None = None
         self._substitute = self.node.create_client(SubstituteEncoder, "driver/substitute")
+
+    @property
+    def now(self) -> int:
+        """Stamp of what happens now [ns]."""
+        return nanoseconds(self.clock.stamp())
 
     def position(self, joint: str) -> float:
         """By the estimate [rad, m]."""
@@ -153,13 +158,14 @@ def joint_to_lose(law: Law) -> str:
 def unplug(suite: Processes, domain: int, law: Law, seed: int, joint: str, say: Say) -> Pulled:
     """Recorded as the bag `USE`. `DemoError` where a process fails or nothing is noticed."""
     say(f"an encoder is unplugged in mid-motion: {joint}; {LOAD:g} kg hang at the tip, untold")
-    with Hand(domain) as hand:
-        known = ("-p", f"model:={law.fitted}")
-        live.start(suite, law, seed, "-p", f"law:={CONTROLLER}", *known, plant=_loaded(law))
+    with Hand(suite, domain) as hand:
+        known = ("-p", f"model:={law.fitted}", *suite.clock)
+        led = ("-p", f"law:={CONTROLLER}", "-p", f"model:={law.fitted}")
+        live.start(suite, law, seed, *led, listeners=LISTENERS, plant=_loaded(law))
         for name in OBSERVERS:
             of_machine = ("--ros-args", "-p", f"machine:={law.machine}", *known)
             suite.start(name, "crane_observer", name, *of_machine)
-        suite.start("recorder", "crane_nodes", "recorder", "--out", law.bag(USE))
+        live.record_to(suite, law.bag(USE))
         at = _pull(suite, hand, law, joint)
         say("named, and at rest; home by the estimate, at the keys of jog")
         suite.until(lambda: hand.substitute(joint), "the driver takes no substitute")
@@ -167,7 +173,7 @@ def unplug(suite: Processes, domain: int, law: Law, seed: int, joint: str, say: 
         suite.until(hand.silent, "somebody commands the valves")
         with Keyboard(suite, law.machine) as keys:
             _go_home(suite, hand, keys, law)
-            home = time.time_ns()
+            home = hand.now
             suite.until(lambda: _disabled(hand, keys), "the driver is not disabled")
         suite.tell("crane", mended := f"mended={joint}.encoder")
         told = mended.replace("=", ": ")
@@ -186,15 +192,14 @@ def unplug(suite: Processes, domain: int, law: Law, seed: int, joint: str, say: 
 
 def _pull(suite: Processes, hand: Hand, law: Law, joint: str) -> int:
     """The plug, once the joint moves well; when [ns]."""
-    for _ in range(TRIES):
-        suite.until(lambda: hand.ready(LISTENERS), "the nodes do not find each other")
-        if hand.begin(str(law.file(VALIDATION).resolve())) and _moves_well(suite, hand, joint):
-            suite.tell("crane", f"fault={joint}.encoder.stuck")
-            at = time.time_ns()
-            suite.until(lambda: hand.stopped_by(joint), "nobody notices")
-            suite.until(hand.over, "the experiment goes on")
-            return at
-    raise DemoError(f"the experiment ended early {TRIES} times; see {OUT}/logs")
+    hand.ready(LISTENERS)
+    if not (hand.begin(str(law.file(VALIDATION).resolve())) and _moves_well(suite, hand, joint)):
+        raise suite.failed("the experiment ended early", "trajectory")
+    suite.tell("crane", f"fault={joint}.encoder.stuck")
+    at = hand.now
+    suite.until(lambda: hand.stopped_by(joint), "nobody notices")
+    suite.until(hand.over, "the experiment goes on")
+    return at
 
 
 def _moves_well(suite: Processes, hand: Hand, joint: str) -> bool:
@@ -206,8 +211,8 @@ def _moves_well(suite: Processes, hand: Hand, joint: str) -> bool:
         speed = hand.speed(joint)
         largest = max(largest, speed)
         if speed > MOVES:
-            known = min(known, time.monotonic() + KNOWN)
-        return time.monotonic() > known and speed > FAST * largest
+            known = min(known, hand.clock.now() + KNOWN)
+        return hand.clock.now() > known and speed > FAST * largest
 
     suite.until(lambda: hand.over() or well(), "no motion")
     return not hand.over()
