@@ -19,11 +19,11 @@ from crane_driver.can.link import Link
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, joint_state, valve_output
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.realtime import RealTime, RealTimeSettings
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.news import Level
 from crane_interfaces.msg import PositionEstimate, SensorFindings, ValveCommand
 from crane_nodes.driver_client import LATCHED
+from crane_nodes.scheduling import RealTime, RealTimeSettings
 from crane_nodes.stamps import nanoseconds
 
 DEPTH = 10  # messages

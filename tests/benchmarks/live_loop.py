@@ -24,9 +24,9 @@ from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
-from crane_driver.realtime import prefer
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_nodes.scheduling import prefer
 
 HERE = Path(__file__).parent
 FLOOR = 10.0  # s

@@ -12,7 +12,7 @@ import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 from canopen.objectdictionary.datatypes import UNSIGNED16
 from crane_driver.can.bus import BusSettings, open_bus
-from crane_driver.realtime import prefer
+from crane_nodes.scheduling import prefer
 prefer(os.getpid(), {MACHINE_PRIORITY})
 dictionary = ObjectDictionary()
 period = ODVariable("Producer heartbeat time", {HEARTBEAT_PERIOD})

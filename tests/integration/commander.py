@@ -7,7 +7,7 @@ from integration.processes import CONTROLLER_PRIORITY, PATIENCE, start
 COMMANDER = f"""
 import json, os, sys, threading, time, rclpy
 from rclpy.node import Node
-from crane_driver.realtime import prefer
+from crane_nodes.scheduling import prefer
 from crane_interfaces.msg import ValveCommand
 prefer(os.getpid(), {CONTROLLER_PRIORITY})
 command = {{}}

@@ -41,7 +41,7 @@ from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import MachineCodec
 from crane_driver.can.link import Link
-from crane_driver.realtime import prefer
+from crane_nodes.scheduling import prefer
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 mapping, port, positions = Path(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])

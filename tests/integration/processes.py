@@ -18,7 +18,7 @@ RUN = "import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"
 # Once it is imported, which takes a second: until then it would hold up a crane that moves.
 URGENT = """
 import os, sys
-from crane_driver.realtime import prefer
+from crane_nodes.scheduling import prefer
 from {module} import main
 prefer(os.getpid(), {priority})
 sys.exit(main(sys.argv[1:]))

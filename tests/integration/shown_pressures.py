@@ -12,7 +12,7 @@ SHOWN = "/shown_pressures"
 PASSING = f"""
 import os, sys, threading, rclpy
 from rclpy.executors import SingleThreadedExecutor
-from crane_driver.realtime import prefer
+from crane_nodes.scheduling import prefer
 from crane_interfaces.msg import CylinderPressures
 prefer(os.getpid(), {CONTROLLER_PRIORITY})
 rclpy.init()

@@ -1,19 +1,90 @@
-"""How the system shares the processor with the threads of a process."""
+"""How the system shares the processor with a process: its priority, real-time or not.
 
+All threads of a process get the same priority. To give it only to those that serve the bus would
+be of little use: they wait for locks that the threads of the middleware hold, and those would wait
+for others. A process asks for it when it is ready: while it imports or compiles, it would keep a
+core for itself, and the kernel then stops all that has real-time priority there for 50 ms of every
+second.
+"""
+
+import ctypes
 import os
+import resource
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
+
+PATIENCE_S = 60.0
+"""Real time for which simulated time waits for a process that is there but does not answer [s]."""
+
+# MCL_ of sys/mman.h. Not MCL_FUTURE: under a limit, memory could not be had later that is there.
+CURRENT, ON_FAULT = 1, 4
 
 
 def schedule(process: int, policy: int, priority: int = 0) -> None:
     """Give all threads of a process, by its id, a policy; those they start later have it, too.
 
-    Raises `PermissionError` where the system does not allow that.
+    Raises
+    ------
+    PermissionError
+        If the system does not allow that.
     """
     for thread in Path(f"/proc/{process}/task").iterdir():
         with suppress(ProcessLookupError):  # it has ended meanwhile
             os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
 
 
-PATIENCE_S = 60.0
-"""Real time for which simulated time waits for a process that is there but does not answer [s]."""
+@dataclass(frozen=True)
+class RealTimeSettings:
+    """What the process shall have."""
+
+    priority: int  # of SCHED_FIFO, 1 to 99; 0: the one it has
+    lock_memory: bool  # that there is at `begin`, so that it is never read back from a disk
+
+
+class RealTime:
+    """What the process has from `begin` to `end`; `obtained` and `refused` tell it in words."""
+
+    def __init__(self, settings: RealTimeSettings):
+        self.obtained: list[str] = []
+        self.refused: list[str] = []  # with the reason
+        self._settings = settings
+        self._before = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
+
+    def begin(self) -> Self:
+        """Ask the system for it; threads that are started later have it too."""
+        if self._settings.priority:
+            priority = f"priority {self._settings.priority} (SCHED_FIFO)"
+            try:
+                schedule(os.getpid(), os.SCHED_FIFO, self._settings.priority)
+                self.obtained.append(priority)
+            except PermissionError:
+                limit, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
+                self.refused.append(f"{priority}: the limit is {limit} (ulimit -r)")
+        if self._settings.lock_memory:
+            if ctypes.CDLL(None).mlockall(CURRENT | ON_FAULT) == 0:
+                self.obtained.append("locked memory")
+            else:
+                limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+                self.refused.append(
+                    f"locked memory: the limit is {limit >> 10} KiB, it must be unlimited "
+                    "(ulimit -l)"
+                )
+        return self
+
+    def end(self) -> None:
+        """Give back the priority; memory stays locked."""
+        schedule(os.getpid(), *self._before)
+
+
+def prefer(process: int, priority: int) -> bool:
+    """Give another process, by its id, a priority of SCHED_FIFO; return whether that is permitted.
+
+    Threads that it starts later have it, too.
+    """
+    try:
+        os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))
+    except (PermissionError, ProcessLookupError):
+        return False
+    return True
