@@ -182,7 +182,7 @@ class KeptExecutor(SingleThreadedExecutor):
     def _call(self, callback: Callable[..., Any], *arguments: Any) -> None:
         """Call what may be a coroutine function: the rest of it is done between callbacks."""
         if inspect.iscoroutine(begun := callback(*arguments)):
-            self._run(lambda: begun)
+            self.create_task(begun)
 
     def _run(self, work: Callable[[], Any] | None) -> None:
         if work is not None:
