@@ -13,21 +13,18 @@ import argparse
 import os
 import shutil
 import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import following
 import homecoming
 import live
 import missing
+import real_time
 import unplugged
 from figures import write_figures
 from laws import OUT, Law, dynamic_law, identify, make_bags, report_law
-from outcome import FILE, Following, Unplugged, recorded
+from outcome import FILE, Unplugged, recorded
 from processes import DemoError, Processes
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from steps import Steps
 from tables import bags_table, errors_table, table
 
 from crane_identification.report import terminal
@@ -40,25 +37,6 @@ SEED = 1
 WIDTH = 100  # characters, where the output is no terminal
 
 
-class Phases:
-    """Wall time of each phase, shown while it runs."""
-
-    def __init__(self, console: Console) -> None:
-        self.console = console
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def phase(self, name: str, description: str) -> Iterator[None]:
-        """Show and time one phase."""
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-        start = time.monotonic()
-        with Progress(*columns, console=self.console) as progress:
-            task = progress.add_task(description, total=1)
-            yield
-            progress.update(task, completed=1)
-        self.seconds[name] = round(time.monotonic() - start, 2)
-
-
 def main() -> int:
     """Run the demo; exit status 0, 1 if something failed, 130 after Ctrl-C."""
     parser = argparse.ArgumentParser(description="The whole suite at work.")
@@ -66,6 +44,13 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=SEED, help="of noise and of what is hidden")
     parser.add_argument(
         "--realtime", action="store_true", help="at the pace of a real crane, not simulated time"
+    )
+    parser.add_argument(
+        "--rate",
+        type=int,
+        choices=real_time.RATES,
+        default=real_time.RATES[0],
+        help="of the encoders in real time [Hz] (default: %(default)s)",
     )
     add_machine(parser)
     options = parser.parse_args()
@@ -76,7 +61,7 @@ def main() -> int:
     except ConfigurationError as error:
         parser.error(str(error))
     console = terminal.console(WIDTH)
-    phases = Phases(console)
+    steps = Steps(console, 8 if options.realtime else 7)
     shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
     domain = live.own_domain()
     OUT.mkdir(parents=True)
@@ -87,7 +72,11 @@ def main() -> int:
         with Processes(OUT / "logs", environment, not options.realtime) as suite:
             if options.view:
                 console.print(f"open in a browser: {live.show(suite, laws[0])}")
-            _demo(console, phases, suite, domain, laws, options.seed)
+            if options.realtime:
+                usual = 40.0 * (1 + real_time.RATES.index(options.rate))
+                with steps.step("check", "can this computer hold the rate?", usual):
+                    real_time.check(suite, domain, laws[0], options.rate)
+            _demo(steps, suite, domain, laws, options.seed)
     except DemoError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -98,82 +87,66 @@ def main() -> int:
     return 0
 
 
-def _demo(
-    console: Console,
-    phases: Phases,
-    suite: Processes,
-    domain: int,
-    laws: tuple[Law, Law],
-    seed: int,
-) -> None:
+def _demo(steps: Steps, suite: Processes, domain: int, laws: tuple[Law, Law], seed: int) -> None:
     law, dynamic = laws
+    say = steps.console.print
     for one in laws:
-        (one.folder / "bags").mkdir(parents=True)
+        (one.folder / "bags").mkdir(parents=True, exist_ok=True)
         one.note_planted(suite)
-    start = time.monotonic()
-    live.record(suite, domain, law, seed, console.print)
-    phases.seconds["live"] = round(time.monotonic() - start, 2)
-    with phases.phase("bags", f"two bags of {dynamic.name}, faster than real time"):
+    with steps.step("live", "two experiments, live: driver, trajectory, identification", 190.0):
+        live.record(suite, domain, law, seed, say)
+    with steps.step("bags", f"two bags of {dynamic.name}, without a driver", 20.0):
         make_bags(suite, dynamic)
-    with phases.phase("identify", "identification: fit, validation on the other bag, report"):
+    with steps.step("identify", "identification: fit, validation on the other bag, report", 40.0):
         identify(suite, *laws)
     outcome = recorded(law)
-    console.print(
+    say(
         table(law, outcome),
         errors_table(law.summary(), dynamic.summary()),
         bags_table(law, outcome),
     )
-    followed = _follow(console, phases, suite, domain, law, seed)
-    lost = _unplug(console, phases, suite, domain, law, seed) if followed else None
-    with phases.phase("missing_bags", "last act: bags of a machine with an effect the model lacks"):
+    followed = lost = None
+    with steps.step("follow", "the fitted model controls the crane", 50.0):
+        if refusal := following.refusal(law):
+            say(f"not controlled by its model: {refusal}", highlight=False)
+        else:
+            live.follow(suite, domain, law, seed, following.CONTROLLER, say)
+            followed = following.measured(law)
+            following.draw(law)
+            say(following.table(law, followed), f"Picture: {following.PICTURE}")
+    with steps.step("unplugged", "an encoder fails in motion; home without it", 90.0):
+        if followed:
+            lost = _unplug(steps, suite, domain, law, seed)
+    with steps.step("missing_bags", "bags of a machine with an effect the model lacks", 20.0):
         missing.make_bags(suite, law, seed)
-    with phases.phase("diagnose", "which effect is it? asked of the bags alone"):
+    with steps.step("diagnose", "which effect is it? asked of the bags alone", 30.0):
         missing.diagnose(suite, law)
-    console.print(missing.answer(suite), highlight=False)
-    console.print(missing.table())
+    say(missing.answer(suite), highlight=False)
+    say(missing.table())
     outcome = outcome.model_copy(
         update={
             "following": followed,
             "unplugged": lost,
             "hidden": missing.hidden(),
-            "wall_seconds": phases.seconds,
+            "wall_seconds": steps.seconds,
         }
     )
     outcome.write(FILE)
     write_figures(law, dynamic, outcome)
-    console.print(f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   Measured: {FILE}")
+    say(f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   Measured: {FILE}")
 
 
-def _follow(
-    console: Console, phases: Phases, suite: Processes, domain: int, law: Law, seed: int
-) -> Following | None:
-    """The fitted model leads the crane: how well, or None where it cannot."""
-    if refusal := following.refusal(law):
-        console.print(f"not led by its model: {refusal}", highlight=False)
-        return None
-    start = time.monotonic()
-    live.follow(suite, domain, law, seed, following.CONTROLLER, console.print)
-    followed = following.measured(law)
-    following.draw(law)
-    phases.seconds["follow"] = round(time.monotonic() - start, 2)
-    console.print(following.table(law, followed), f"Picture: {following.PICTURE}")
-    return followed
-
-
-def _unplug(
-    console: Console, phases: Phases, suite: Processes, domain: int, law: Law, seed: int
-) -> Unplugged | None:
-    """An encoder lost in motion: what became of it, or None where none may be."""
+def _unplug(steps: Steps, suite: Processes, domain: int, law: Law, seed: int) -> Unplugged | None:
+    """An encoder that fails in motion: what became of it, or None if none may fail."""
+    say = steps.console.print
     joint = unplugged.joint_to_lose(law)
     if not joint:
-        console.print("no encoder is unplugged: safety.yaml permits no substitute")
+        say("no encoder is unplugged: safety.yaml permits no substitute")
         return None
-    start = time.monotonic()
-    pulled = unplugged.unplug(suite, domain, law, seed, joint, console.print)
+    pulled = unplugged.unplug(suite, domain, law, seed, joint, say)
     found = homecoming.measured(law, pulled)
     homecoming.draw(law, pulled, found)
-    phases.seconds["unplugged"] = round(time.monotonic() - start, 2)
-    console.print(homecoming.table(law, found), f"Picture: {homecoming.PICTURE}")
+    say(homecoming.table(law, found), f"Picture: {homecoming.PICTURE}")
     return found
 
 

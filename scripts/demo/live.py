@@ -67,6 +67,26 @@ class Onlooker:
             return ""
         return f"driver: {state.text}; {state.cause}; {state.remedy}"
 
+    def settled(self, listeners: Collection[str]) -> DriverState:
+        """Wait until these nodes listen to a driver that can be enabled, or is in a fault again.
+
+        While they all start at once, frames may come late: the first fault is reset.
+        """
+        faults = 0
+
+        def settled() -> bool:
+            nonlocal faults
+            lacking = self.lacking(listeners)
+            if self.driver.state.state == DriverState.STATE_FAULT and self.driver.ready:
+                faults += 1
+                if faults == 1:
+                    answer = self.driver.reset_fault()
+                    self.executor.spin_until_future_complete(answer, ANSWER_TIMEOUT_S)
+            return not lacking or faults > 1
+
+        self._suite.until(settled, lambda: self.lacking(listeners))
+        return self.driver.newest
+
     def ready(self, listeners: Collection[str]) -> None:
         """Wait until these nodes listen to the driver and it can be enabled."""
         why = ""
@@ -160,11 +180,13 @@ def start(
         *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}", "--operator"),
         *("--machine", law.machine, "--plant", plant or law.plant, "--seed", seed),
         *(["--lock-step"] if suite.simulated else ["--priority", MACHINE_PRIORITY]),
+        *("--dbc", suite.dbc or law.file("can.dbc")),
         stdin=subprocess.PIPE,
     )
     suite.start(
         *("driver", "crane_driver", "driver", "--ros-args"),
         *("-p", f"machine:={law.machine}", "-p", f"bus.options:=port={port}", *suite.clock),
+        *("-p", f"dbc:={suite.dbc or law.file('can.dbc')}"),
         *("-p", f"simulated_time.listeners:={' '.join(listeners)}"),
     )
     suite.start(

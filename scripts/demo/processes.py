@@ -39,6 +39,7 @@ class Processes:
         """`simulated`: whether the processes run on simulated time."""
         logs.mkdir(parents=True, exist_ok=True)
         self.simulated = simulated
+        self.dbc: Path | None = None  # in the place of that of the machine
         self.clock = ("-p", "use_sim_time:=true") if simulated else ()
         self._logs = logs
         self._environment = os.environ | environment

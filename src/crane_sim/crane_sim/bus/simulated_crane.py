@@ -25,6 +25,7 @@ from crane_model import cli
 from crane_model.arguments import whole
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
+from crane_nodes.scheduling import RealTime, RealTimeSettings
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.bus.operator_at_machine import Operator
 from crane_sim.bus.pace import LockStep, PlantPace
@@ -93,6 +94,9 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
             print(f"ready: simulated crane on {settings}, {every} of simulated time", flush=True)
             _in_lock_step(crane, link, LockStep(link, woken, crane.period), stop)
         else:
+            realtime = RealTime(RealTimeSettings(options.priority, lock_memory=False)).begin()
+            for refused in realtime.refused:
+                print(f"real time: no {refused}", file=sys.stderr, flush=True)
             print(f"ready: simulated crane on {settings}, {every}", flush=True)
             _in_real_time(crane, link, PlantPace(crane.period, start), stop)
 
@@ -185,6 +189,12 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="run on simulated time: each cycle waits for a driver with use_sim_time, so that "
         "nothing is late on a busy computer",
+    )
+    parser.add_argument(
+        "--priority",
+        type=whole(0),
+        default=0,
+        help="real-time priority (SCHED_FIFO) while it runs in real time, 0 for none (default: 0)",
     )
     add_faults(parser)
     parser.add_argument("--seed", type=whole(0), default=0, help="of the sensors' noise")

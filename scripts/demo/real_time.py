@@ -1,0 +1,72 @@
+"""Whether this computer can run the demo in real time; asked before anything moves."""
+
+import re
+import time
+from pathlib import Path
+
+import live
+from laws import OUT, Law
+from processes import DemoError, Processes
+
+from crane_interfaces.msg import DriverState
+
+WATCHED_S = 20.0  # at rest, with the nodes of the act that needs most
+OBSERVERS = ("position_sensor", "sensor_monitor", "scale")
+LISTENERS = ("trajectory", "recorder", *OBSERVERS)
+RATES = (200, 100, 50)  # Hz, of the encoders; 200 as shipped
+CYCLE_TIME = re.compile(r'^(BA_ "GenMsgCycleTime" BO_ \d+ )(\d+);', re.MULTILINE)
+
+
+def check(suite: Processes, domain: int, law: Law, rate: int) -> None:
+    """Watch the crane at rest; `DemoError` offers a slower rate if the driver finds a fault."""
+    for number, one in enumerate(one for one in RATES if one <= rate):
+        suite.dbc = at_rate(law, one)
+        fault = _fault(suite, domain, law, number)
+        if not fault and one == rate:
+            return
+        if not fault:
+            raise DemoError(
+                f"this computer does not hold {rate} Hz in real time, but {one} Hz: "
+                f"make demo REALTIME=1 RATE={one}; or `make demo`, whose simulated time needs none"
+            )
+        why = fault
+    raise DemoError(
+        f"this computer does not hold {RATES[-1]} Hz in real time: {why}\n"
+        "end other programs and see docs/how_to/real_time.md; or `make demo`, whose simulated "
+        "time needs none"
+    )
+
+
+def at_rate(law: Law, rate: int) -> Path:
+    """The DBC file of the machine with longer cycles."""
+    shipped = law.file("can.dbc")
+    if rate == RATES[0]:
+        return shipped
+    slower = RATES[0] // rate
+    text = shipped.read_text(encoding="utf-8")
+    path = OUT / f"can_{rate}_hz.dbc"
+    path.write_text(
+        CYCLE_TIME.sub(lambda found: f"{found[1]}{slower * int(found[2])};", text),
+        encoding="utf-8",
+    )
+    return path
+
+
+def _fault(suite: Processes, domain: int, law: Law, number: int) -> str:
+    """What goes wrong in `WATCHED_S`; empty if nothing does."""
+    with live.Onlooker(suite, domain) as onlooker:
+        live.start(suite, law, 0, listeners=LISTENERS)
+        for name in OBSERVERS:
+            machine = ("--ros-args", "-p", f"machine:={law.machine}")
+            suite.start(name, "crane_observer", name, *machine)
+        live.record_to(suite, OUT / "bags" / f"real_time_{number}")
+        state = onlooker.settled(LISTENERS)
+        end = time.monotonic() + WATCHED_S
+        while state.state == DriverState.STATE_DISABLED and time.monotonic() < end:
+            suite.check()
+            onlooker.executor.spin_once(timeout_sec=0.1)
+            state = onlooker.driver.newest
+        for name in ("recorder", *reversed(OBSERVERS)):
+            suite.stop(name)
+        live.stop(suite)
+    return "" if state.state == DriverState.STATE_DISABLED else f"{state.cause}; {state.remedy}"
