@@ -14,7 +14,7 @@ from crane_bags.clocks import NANOSECONDS
 from crane_nodes.scheduling import PATIENCE_S
 from crane_nodes.stamps import nanoseconds, stamp_of
 
-CLOCK_TOPIC = "/clock"
+CLOCK_TOPIC = "clock"  # of the namespace: each simulated crane has its own time
 TAKEN_TOPIC = "lock_step"
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 CLOCK = QoSProfile(depth=10)

@@ -106,10 +106,9 @@ class LockStep:
             if self._dead or (self._driven and waited > PATIENCE_S):
                 self._dead = True
                 break
-            if waited > REMARK_S and not remarked:
+            if waited > REMARK_S and not (remarked or self._driven):
                 remarked = True
-                whom = "its driver" if self._driven else "a driver with use_sim_time:=true"
-                print(f"simulated time stands still: waiting for {whom}", file=sys.stderr)
+                print("waiting for a driver with use_sim_time:=true", file=sys.stderr, flush=True)
             with suppress(BusError):
                 self._link.send(time_frame(self.time))
         now = self.time / NANOSECONDS
