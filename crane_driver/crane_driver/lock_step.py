@@ -118,8 +118,10 @@ class LockStepDriver(ActiveDriver):
                 steady = told / NANOSECONDS
                 self._train = [one._replace(stamp=told, steady=steady) for one in self._train]
                 return True
-            elif not self._waiting:  # the crane repeats itself, and may have missed the answer
-                self._step()
+            else:  # the crane repeats itself, and may have missed the answer
+                self._train.clear()
+                if not self._waiting:
+                    self._step()
         del self._train[:-LONGEST_TRAIN]
         return False
 

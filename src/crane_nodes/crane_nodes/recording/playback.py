@@ -15,7 +15,7 @@ from crane_nodes.recording.definitions import installed_definition, message_clas
 from crane_nodes.recording.qos import Service, offer
 
 COMMAND = VALVE_COMMAND.name.rpartition("/")[2]
-CLOCK = "/clock"
+CLOCK = "clock"  # of the namespace
 
 
 @dataclass(frozen=True)

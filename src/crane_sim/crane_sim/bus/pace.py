@@ -3,13 +3,14 @@
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 
 from crane_bags.clocks import NANOSECONDS
 from crane_driver.can.bus import BusError
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
-from crane_driver.can.simulated_time import START_NS, STEP, time_frame, told_time
+from crane_driver.can.simulated_time import START_NS, STEP, told_time
 from crane_nodes.scheduling import PATIENCE_S
 
 REPORT = 1.0  # s, at least between two reports
@@ -66,8 +67,15 @@ class PlantPace:
         )
 
 
-REPEAT_S = 0.1  # of real time, after which a driver that may have begun anew is told the time again
+REPEAT_S = 0.1  # of real time, after which the frames of a cycle are sent again
 REMARK_S = 5.0  # of real time, for which the driver is waited for without a word
+
+
+def send(link: Link, frames: Sequence[Frame]) -> None:
+    """Send what can be sent: the link reports a lost bus, and reopens it."""
+    for frame in frames:
+        with suppress(BusError):
+            link.send(frame)
 
 
 class LockStep:
@@ -91,8 +99,11 @@ class LockStep:
         """Time of the next cycle [s]."""
         return (self.time + self._period) / NANOSECONDS
 
-    def wait(self, stop: threading.Event) -> None:
-        """Wait until the driver has answered the cycle, and begin the next one."""
+    def wait(self, stop: threading.Event, sent: Sequence[Frame]) -> None:
+        """Wait until the driver has answered the cycle, and begin the next one.
+
+        Meanwhile the frames that were `sent` are repeated for a driver that has just begun.
+        """
         begun, remarked = time.monotonic(), False
         frames: list[Frame] = []
         while not stop.is_set():
@@ -109,8 +120,7 @@ class LockStep:
             if waited > REMARK_S and not (remarked or self._driven):
                 remarked = True
                 print("waiting for a driver with use_sim_time:=true", file=sys.stderr, flush=True)
-            with suppress(BusError):
-                self._link.send(time_frame(self.time))
+            send(self._link, sent)
         now = self.time / NANOSECONDS
         self.answer = [one._replace(stamp=self.time, steady=now) for one in frames]
         self.time += self._period

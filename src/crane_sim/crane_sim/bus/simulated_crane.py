@@ -10,14 +10,11 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
 from crane_bags.clocks import NANOSECONDS
 from crane_driver.can.binding import load_layout
-from crane_driver.can.bus import BusError
-from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_driver.can.options import bus_settings
 from crane_driver.can.simulated_time import START_NS, STEP, check_private, time_frame
@@ -28,7 +25,7 @@ from crane_model.model_file import load_model
 from crane_nodes.scheduling import RealTime, RealTimeSettings
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.bus.operator_at_machine import Operator
-from crane_sim.bus.pace import LockStep, PlantPace
+from crane_sim.bus.pace import LockStep, PlantPace, send
 from crane_sim.faulty.faults import Faults
 from crane_sim.options import add_faults, add_plant, load_both
 from crane_sim.parts.pose import parse_pose
@@ -105,7 +102,7 @@ def _in_real_time(crane: MachineOnBus, link: Link, pace: PlantPace, stop: thread
     crane.run(pace.due)
     shown = crane.valves.state
     while not stop.wait(pace.pause(time.monotonic())):
-        _send(link, crane.exchange(link.take()))
+        send(link, crane.exchange(link.take()))
         shown = _tell(crane, link, shown)
         if report := pace.next(time.monotonic()):
             print(report, file=sys.stderr, flush=True)
@@ -117,17 +114,12 @@ def _in_lock_step(crane: MachineOnBus, link: Link, pace: LockStep, stop: threadi
     """The same, but every cycle begins when the driver has answered the one before."""
     shown = crane.valves.state
     while not stop.is_set():
-        _send(link, [*crane.exchange(pace.answer), time_frame(pace.time)])
+        frames = [*crane.exchange(pace.answer), time_frame(pace.time)]
+        send(link, frames)
         shown = _tell(crane, link, shown)
         crane.run(pace.after)  # until the next readings, while the driver works
-        pace.wait(stop)
+        pace.wait(stop, frames)
     print(pace.summary, flush=True)
-
-
-def _send(link: Link, frames: Sequence[Frame]) -> None:
-    for frame in frames:
-        with suppress(BusError):  # the link reports a lost bus, and reopens it
-            link.send(frame)
 
 
 def _tell(crane: MachineOnBus, link: Link, shown: str) -> str:
