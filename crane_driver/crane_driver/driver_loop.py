@@ -4,18 +4,16 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec
 from crane_driver.can.foreign import ForeignCommands
 from crane_driver.can.frame import Frame
-from crane_driver.can.health import Monitor
+from crane_driver.can.health import Monitor, usable
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_driver.canopen.devices import Devices
-from crane_driver.faults import UNUSABLE, Fault
+from crane_driver.faults import Fault
 from crane_driver.safety.commands import check_valves
 from crane_driver.safety.news import Level, News
 from crane_driver.safety.plausibility import PositionWatch, believed
@@ -25,7 +23,7 @@ from crane_driver.safety.states import SafetyState
 from crane_driver.safety.substitution import JointEstimate
 from crane_driver.safety.supervisor import Supervisor
 from crane_driver.velocity_filter import VelocityFilter
-from crane_model.cylinders import cylinder_force
+from crane_model.linkages import motion
 from crane_model.machine import Machine
 
 # After a command valve frames follow the commands, not the cycle, unless none comes for so long.
@@ -58,6 +56,26 @@ class _Measured(NamedTuple):
 
     positions: Complete
     velocities: list[float]
+
+
+class CylinderEffort:
+    """Generalized force (27) of the actuator of one joint, for one instant at a time."""
+
+    def __init__(self, machine: Machine, joint: str):
+        actuator, limits = machine.cylinders[joint], machine.limits[joint]
+        self._linkage = actuator.linkage(limits.position_min, limits.position_max)
+        self._area_a, self._area_b = actuator.area_a, actuator.area_b
+        self._chamber_a, self._chamber_b = f"{joint}.a", f"{joint}.b"
+
+    def __call__(self, position: float, pressures: Mapping[str, float]) -> float:
+        """Force [N m, N] at a position [rad, m] of the joint, by pressures [Pa] with their names as
+        in `Layout.pressures`; NaN if those of its chambers are not among them.
+        """
+        kind, constants = self._linkage
+        lever: float = motion(kind, constants, position)[1]
+        pressure_a = pressures.get(self._chamber_a, math.nan)
+        pressure_b = pressures.get(self._chamber_b, math.nan)
+        return lever * (self._area_a * pressure_a - self._area_b * pressure_b)
 
 
 class DriverLoop:
@@ -104,6 +122,12 @@ class DriverLoop:
         self._filter = VelocityFilter(density, resolution)
         self._commanded = -math.inf  # the newest valve frame that a command caused
         self._due = now
+        self._efforts = {
+            joint: CylinderEffort(machine, joint) if joint in machine.cylinders else None
+            for joint in self.joints
+        }
+        self._chambers_a = [f"{joint}.a" for joint in self.cylinders]
+        self._chambers_b = [f"{joint}.b" for joint in self.cylinders]
         self._compile(density, resolution)
 
     @property
@@ -136,13 +160,14 @@ class DriverLoop:
             readings = self.codec.decode(frame)
             if readings is None:
                 continue
-            faults = self.monitor.observe(readings)
-            substituted = self.supervisor.substituted  # whatever its encoder says is not heard
-            heeded = [one for one in faults if not substituted or one.reading != substituted]
-            self.supervisor.can_faults(heeded, now)
-            if any(fault.kind in UNUSABLE for fault in faults):
-                continue
-            self.supervisor.can_faults(self._acceptance.observe(readings), now)
+            if faults := self.monitor.observe(readings):
+                substituted = self.supervisor.substituted  # whatever its encoder says is not heard
+                heeded = [one for one in faults if not substituted or one.reading != substituted]
+                self.supervisor.can_faults(heeded, now)
+                if not usable(faults):
+                    continue
+            if readings.accepted:
+                self.supervisor.can_faults(self._acceptance.observe(readings), now)
             for complete in self._pressures.add(readings):
                 self._newest = complete
                 pressures.append(self._pressure_sample(complete))
@@ -263,25 +288,17 @@ class DriverLoop:
         newest = self._newest
         if newest is None or abs(complete.sampled - newest.sampled) > 1.5 * self._pressure_cycle:
             return [math.nan] * len(self.joints)
-        effort = []
-        for joint in self.joints:
-            if joint not in self._machine.cylinders:
-                effort.append(math.nan)
-                continue
-            pressure_a, pressure_b = (
-                np.array(newest.values.get(f"{joint}.{chamber}", math.nan)) for chamber in "ab"
-            )
-            lever = self._machine.cylinder(joint, np.array([complete.values[joint]]))[0, 1]
-            force = cylinder_force(self._machine, joint, pressure_a, pressure_b)
-            effort.append(float(lever * force))
-        return effort
+        return [
+            effort(complete.values[joint], newest.values) if effort else math.nan
+            for joint, effort in self._efforts.items()
+        ]
 
     def _pressure_sample(self, complete: Complete) -> PressureSample:
         values = complete.values
         return PressureSample(
             complete.stamp,
-            [values.get(f"{joint}.a", math.nan) for joint in self.cylinders],
-            [values.get(f"{joint}.b", math.nan) for joint in self.cylinders],
+            [values.get(name, math.nan) for name in self._chambers_a],
+            [values.get(name, math.nan) for name in self._chambers_b],
             values.get("supply", math.nan),
             values.get("tank", math.nan),
         )
@@ -289,5 +306,5 @@ class DriverLoop:
     def _compile(self, density: Sequence[float], resolution: Sequence[float]) -> None:
         """Run once what numba compiles: later it would hold up the frames for seconds."""
         VelocityFilter(density, resolution).update(0.0, [0.0] * len(self.joints))
-        for joint in self.joints:
-            self._machine.cylinder(joint, np.zeros(1))
+        for effort in filter(None, self._efforts.values()):
+            effort(0.0, {})

@@ -1,11 +1,17 @@
-"""Samples of the driver as ROS messages."""
+"""Samples of the driver as ROS messages.
 
-from collections.abc import Mapping, Sequence
+Messages of every cycle are made once and filled again: `joint_state`, `cylinder_pressures` and
+`valve_output` return the message of their last call, so publish it before the next one.
+"""
+
+from collections.abc import Mapping
+from functools import cache
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from crane_bags.clocks import NANOSECONDS
 from crane_driver.can.bus import BusState
 from crane_driver.can.frame import show_id
 from crane_driver.can.health import Freshness, MessageStream
@@ -16,7 +22,6 @@ from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
 from crane_driver.safety.states import SafetyState
 from crane_driver.safety.supervisor import Supervisor
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
-from crane_nodes.stamps import stamp_of
 
 STATES = {
     SafetyState.OFFLINE: DriverState.STATE_OFFLINE,
@@ -42,32 +47,33 @@ FRESHNESS = {
 }
 
 
-def joint_state(sample: JointSample, joints: Sequence[str]) -> JointState:
-    """A message of joint_states."""
-    return JointState(
-        header=_header(sample.stamp),
-        name=joints,
-        position=sample.position,
-        velocity=sample.velocity,
-        effort=sample.effort,
-    )
+def joint_state(sample: JointSample, joints: tuple[str, ...]) -> JointState:
+    """The message of joint_states."""
+    message = _joint_state(joints)
+    _stamp(message.header, sample.stamp)
+    message.position = sample.position
+    message.velocity = sample.velocity
+    message.effort = sample.effort
+    return message
 
 
 def valve_output(stamp: int, sent: Mapping[str, float]) -> ValveCommand:
-    """A message of valve_output: what the valves were `sent` at `stamp` [ns]."""
-    return ValveCommand(header=_header(stamp), name=list(sent), command=list(sent.values()))
+    """The message of valve_output: what the valves were `sent` at `stamp` [ns]."""
+    message = _valve_output(tuple(sent))
+    _stamp(message.header, stamp)
+    message.command = list(sent.values())
+    return message
 
 
-def cylinder_pressures(sample: PressureSample, cylinders: Sequence[str]) -> CylinderPressures:
-    """A message of cylinder_pressures."""
-    return CylinderPressures(
-        header=_header(sample.stamp),
-        name=cylinders,
-        chamber_a=sample.chamber_a,
-        chamber_b=sample.chamber_b,
-        supply=sample.supply,
-        tank=sample.tank,
-    )
+def cylinder_pressures(sample: PressureSample, cylinders: tuple[str, ...]) -> CylinderPressures:
+    """The message of cylinder_pressures."""
+    message = _cylinder_pressures(cylinders)
+    _stamp(message.header, sample.stamp)
+    message.chamber_a = sample.chamber_a
+    message.chamber_b = sample.chamber_b
+    message.supply = sample.supply
+    message.tank = sample.tank
+    return message
 
 
 def driver_state(supervisor: Supervisor) -> DriverState:
@@ -181,5 +187,20 @@ def _status(name: str, level: bytes, message: str, values: dict[str, object]) ->
     return DiagnosticStatus(name=name, level=level, message=str(message), values=pairs)
 
 
-def _header(stamp: int) -> Header:
-    return Header(stamp=stamp_of(stamp))
+@cache
+def _joint_state(joints: tuple[str, ...]) -> JointState:
+    return JointState(name=joints)
+
+
+@cache
+def _valve_output(joints: tuple[str, ...]) -> ValveCommand:
+    return ValveCommand(name=list(joints))
+
+
+@cache
+def _cylinder_pressures(cylinders: tuple[str, ...]) -> CylinderPressures:
+    return CylinderPressures(name=cylinders)
+
+
+def _stamp(header: Header, time: int) -> None:
+    header.stamp.sec, header.stamp.nanosec = divmod(time, NANOSECONDS)

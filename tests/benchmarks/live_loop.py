@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +17,7 @@ import psutil
 from integration.processes import CONTROLLER_PRIORITY, MACHINE_PRIORITY, free_port
 from integration.recording_graph import Process
 from mcap.reader import make_reader
+from rclpy.serialization import deserialize_message
 from scipy.ndimage import minimum_filter1d
 
 from crane_driver.can.binding import load_layout
@@ -24,6 +25,7 @@ from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
+from crane_interfaces.msg import ValveCommand
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.scheduling import prefer
@@ -37,7 +39,7 @@ PROMPT = 401  # cycles, among which one is received without delay
 SETTLING = 3.0  # s, until all subscriptions are known to all publishers
 PATIENCE = 60.0  # s
 ANSWER = 0x7F0  # id, of the floor
-STEP, VALUES = 0.0005, 99  # as in live_controller.py
+ANSWERED = 250 * MILLISECOND  # in which a command is answered; half a round of live_controller.py
 LAYOUT = load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
 ENCODERS = tuple(one.message.frame_id for one in LAYOUT.readings if one.positions)
 PRESSURES = tuple(one.message.frame_id for one in LAYOUT.readings if one.pressures)
@@ -138,34 +140,55 @@ class Way(NamedTuple):
 
 
 def ways(bus: Bus, bag: dict[str, Recorded], window: tuple[int, int]) -> np.ndarray:
-    """(n, 5) ways of cycles [ns], columns as in `Way`."""
+    """(n, 5) ways of cycles [ns], columns as in `Way`.
+
+    A valve frame answers a command if it is the first to carry the command's values.
+    """
     codec = MachineCodec(LAYOUT)
-    sent: dict[int, list[int]] = defaultdict(list)
-    previous = 0
+    sent: dict[tuple[float, ...], list[int]] = defaultdict(list)
+    previous: tuple[float, ...] = ()
     for frame in bus.of(VALVES):
         readings = codec.decode(frame)
         assert readings
-        value = round(readings.commands["slew"] / STEP)
-        if value != previous and readings.enabled:
-            sent[value].append(frame.stamp)
-        previous = value
+        values = spools(readings.commands)
+        if values != previous and readings.enabled:
+            sent[values].append(frame.stamp)
+        previous = values
     encoders, both = cycles(bus, ENCODERS), cycles(bus, ENCODERS + PRESSURES)
     states, commands = bag["/joint_states"], bag["/valve_command"]
     published = dict(zip(states.stamp.tolist(), states.published.tolist(), strict=True))
     found = []
-    for stamp, command, data in zip(
-        commands.stamp.tolist(), commands.published.tolist(), commands.data, strict=True
-    ):
+    for stamp, answer in answers(bag):
         if not (window[0] <= stamp < window[1] and stamp in published):
             continue
-        (value,) = struct.unpack_from("<d", data, len(data) - 8)
-        frames = np.array(sent[round(value / STEP)])
+        message = deserialize_message(commands.data[answer], ValveCommand)
+        values = spools(dict(zip(message.name, message.command, strict=True)))
+        frames = np.array(sent[values])
         asked = encoders.received[np.abs(encoders.sampled - stamp).argmin()]
         whole = both.whole[np.abs(both.received - asked).argmin()]
-        later = frames[(frames > asked) & (frames < asked + VALUES * CYCLE // 2)]
+        later = frames[(frames > asked) & (frames < asked + ANSWERED)]
         if later.size:  # else a newer command took its place before it was sent
+            command = int(commands.published[answer])
             found.append(Way(int(asked), int(whole), published[stamp], command, int(later[0])))
     return np.array(found)
+
+
+def answers(bag: dict[str, Recorded]) -> list[tuple[int, int]]:
+    """Stamp [ns] of each joint state that was answered, and the number of the valve command.
+
+    The trajectory node publishes a reference with the stamp of the state right after the command;
+    the command of `live_controller.py` itself has the stamp of the state.
+    """
+    commands = bag["/valve_command"]
+    if (references := bag.get("/joint_reference")) is None:
+        return list(zip(commands.stamp.tolist(), range(len(commands.stamp)), strict=True))
+    answer = np.searchsorted(commands.published, references.published, side="right") - 1
+    return list(zip(references.stamp.tolist(), answer.tolist(), strict=True))
+
+
+def spools(commands: Mapping[str, float]) -> tuple[float, ...]:
+    """Raw values of spool commands, in the order of the valve frame; joints not named rest."""
+    return tuple(one.raw(commands.get(one.name, 0.0)) for one in LAYOUT.commands[0].commands)
 
 
 def percentiles(times: np.ndarray) -> str:

@@ -18,6 +18,7 @@ class DriverCodec:
         self._encoder = Encoder(layout.commands)
         self._valves = frozenset(layout.valves)
         self._neutral = dict.fromkeys(layout.valves, 0.0)
+        self._constants = {one.name: _whole(one.constants) for one in layout.commands}
 
     @property
     def unknown(self) -> dict[tuple[int, bool], int]:
@@ -48,7 +49,8 @@ class DriverCodec:
         values = {**self._neutral, **commands}
         frames = []
         for layout in self.layout.commands:
-            raw = layout.constants | raw_values("valve command", layout.commands, values)
+            raw = raw_values("valve command", layout.commands, values)
+            raw |= self._constants[layout.name]
             if layout.enable:
                 raw[layout.enable] = int(enabled)
             frames.append(self._encoder.encode(layout, raw))
@@ -105,3 +107,8 @@ class MachineCodec:
         for echo in layout.echoes:
             raw[echo.signal] = accepted.get(echo.command, echo.nothing)
         return self._encoder.encode(layout, raw)
+
+
+def _whole(raw: Mapping[str, float]) -> dict[str, float]:
+    """Raw values as a mapping file gives them, whole numbers as `int`."""
+    return {name: int(value) if value.is_integer() else value for name, value in raw.items()}

@@ -7,6 +7,7 @@ from typing import Any
 
 from cantools.database import DecodeError
 
+from crane_driver.can.bits import SignalBits
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Channel, MessageLayout
 from crane_driver.can.protection import frame_crc
@@ -41,22 +42,24 @@ class Decoder:
     def __init__(self, messages: Sequence[MessageLayout]):
         self.unknown: Counter[tuple[int, bool]] = Counter()  # frames per unknown identifier
         self._layouts = {
-            (one.message.frame_id, one.message.is_extended_frame): one for one in messages
+            (one.message.frame_id, one.message.is_extended_frame): (one, SignalBits(one.message))
+            for one in messages
         }
 
     def decode(self, frame: Frame) -> Readings | None:
         """Values of a frame; None, and counted, where the identifier is not of the layout."""
-        layout = self._layouts.get((frame.id, frame.extended))
-        if layout is None:
+        known = self._layouts.get((frame.id, frame.extended))
+        if known is None:
             self.unknown[frame.id, frame.extended] += 1
             return None
+        layout, bits = known
         readings = Readings(layout.name, frame.stamp, frame.steady)
         if fault := _damage(layout, frame.data):
             readings.faults.append(fault)
             return readings
         try:
             # neither names nor scales: the channels hold sign, unit, scale and zero in one
-            raw: Mapping[str, Any] = layout.message.decode_simple(frame.data, False, False)
+            raw = bits.unpack(frame.data)
         except DecodeError as error:  # a multiplexer value that the DBC does not have
             readings.faults.append(layout.fault(FaultKind.OUT_OF_RANGE, str(error)))
             return readings

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from crane_driver.can.bits import SignalBits
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Channel, MessageLayout
 from crane_driver.can.protection import frame_crc
@@ -13,9 +14,12 @@ class Encoder:
 
     def __init__(self, messages: Sequence[MessageLayout]):
         self._counters = {one.name: one.protection.counter_first for one in messages}
+        self._bits = {one.name: SignalBits(one.message) for one in messages}
 
     def encode(self, layout: MessageLayout, raw: Mapping[str, float]) -> Frame:
-        """Frame with these raw values (none missing) and the next counter and checksum."""
+        """Frame with these raw values (none missing, whole numbers as `int`) and the next counter
+        and checksum.
+        """
         message, protection = layout.message, layout.protection
         values = dict(raw)
         if protection.counter:
@@ -23,7 +27,7 @@ class Encoder:
             self._count(layout)
         if protection.crc:
             values[protection.crc] = 0
-        data = message.encode(values, False, False, False)  # raw, unpadded, range checked by us
+        data = self._bits[layout.name].pack(values)
         if protection.crc:
             crc = frame_crc(data, protection.crc_byte, protection.data_id)
             position = protection.crc_byte

@@ -24,6 +24,8 @@ class MessageStream:
     """What is known of the frames of one message."""
 
     layout: MessageLayout
+    late: float  # s, gaps beyond are late
+    missing: float  # s, likewise
     last: float  # s, steady, last good frame, or the start
     freshness: Freshness = Freshness.FRESH
     counter: int | None = None
@@ -41,22 +43,25 @@ class Monitor:
 
     def __init__(self, messages: Sequence[MessageLayout], timing: Timing, start: float):
         self._timing = timing
-        self.streams = {one.name: MessageStream(one, start) for one in messages}
+        self.streams = {
+            one.name: MessageStream(one, timing.late * one.cycle, timing.missing * one.cycle, start)
+            for one in messages
+        }
 
     def observe(self, readings: Readings) -> list[Fault]:
         """Faults that a frame shows; its values may be used unless one of them is `UNUSABLE`."""
         stream = self.streams[readings.message]
         faults = list(readings.faults)
-        if not any(fault.kind in UNUSABLE for fault in faults):
+        if usable(faults):
             faults += self._sequence(stream, readings.counter)
-        if any(fault.kind in UNUSABLE for fault in faults):
+        if not usable(faults):
             stream.refused += 1
             return faults
         gap = readings.steady - stream.last
-        if stream.freshness is Freshness.FRESH and gap > self._limit(stream, self._timing.late):
+        if gap > stream.late and stream.freshness is Freshness.FRESH:
             faults.append(_late(stream, gap))
-        if stream.received:
-            stream.longest_gap = max(stream.longest_gap, gap)
+        if stream.received and gap > stream.longest_gap:
+            stream.longest_gap = gap
         stream.received += 1
         stream.last = readings.steady
         stream.freshness = Freshness.FRESH
@@ -67,9 +72,7 @@ class Monitor:
         faults = []
         for stream in self.streams.values():
             gap = now - stream.last
-            if stream.freshness < Freshness.MISSING and gap > self._limit(
-                stream, self._timing.missing
-            ):
+            if gap > stream.missing and stream.freshness < Freshness.MISSING:
                 stream.freshness = Freshness.MISSING
                 stream.counter = None  # whoever comes back may count anew
                 since = "the last one" if stream.received else "the start, not one yet"
@@ -78,7 +81,7 @@ class Monitor:
                         FaultKind.MISSING, f"no frame for {gap * 1e3:.0f} ms since {since}"
                     )
                 )
-            elif stream.freshness < Freshness.LATE and gap > self._limit(stream, self._timing.late):
+            elif gap > stream.late and stream.freshness < Freshness.LATE:
                 stream.freshness = Freshness.LATE
                 faults.append(_late(stream, gap))
         return faults
@@ -120,9 +123,10 @@ class Monitor:
             )
         return ()
 
-    @staticmethod
-    def _limit(stream: MessageStream, cycles: float) -> float:
-        return cycles * stream.layout.cycle
+
+def usable(faults: Sequence[Fault]) -> bool:
+    """Whether the values of a frame with these faults may be used."""
+    return not faults or not any(fault.kind in UNUSABLE for fault in faults)
 
 
 def _late(stream: MessageStream, gap: float) -> Fault:

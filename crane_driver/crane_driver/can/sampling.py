@@ -53,7 +53,7 @@ class SamplingClock:
         while len(hull) > 1 and _slope(hull[-2], new) <= _slope(hull[-2], hull[-1]):
             hull.pop()
         hull.append(new)
-        while hull[1:] and new[1] - hull[0][1] > WINDOW and hull[1][1] < new[1] - LEARNT:
+        while len(hull) > 1 and new[1] - hull[0][1] > WINDOW and hull[1][1] < new[1] - LEARNT:
             hull.pop(0)
 
     def _line(self, number: int) -> float:

@@ -21,17 +21,23 @@ class _Stillness:
 
     def observe(
         self, time: float, position: float, spool: float, pressures: Sequence[float]
-    ) -> tuple[float, float]:
-        """Since when [s], and the largest change of a pressure since then [Pa]."""
+    ) -> float:
+        """How long it has not changed [s]."""
         direction = math.copysign(1.0, spool) if abs(spool) > self._spool else 0.0
-        self._lowest, self._highest = min(self._lowest, position), max(self._highest, position)
-        moved = not self._highest - self._lowest <= self._margin
-        if moved or not direction or direction != self._direction:
+        if position < self._lowest:
+            self._lowest = position
+        elif position > self._highest:
+            self._highest = position
+        still = self._highest - self._lowest <= self._margin
+        if not still or not direction or direction != self._direction:
             self._direction = direction
             self._since, self._pressures = time, pressures
             self._lowest = self._highest = position
-        changes = [abs(a - b) for a, b in zip(pressures, self._pressures, strict=True)]
-        return time - self._since, max(changes)
+        return time - self._since
+
+    def pressure_change(self, pressures: Sequence[float]) -> float:
+        """The largest change of a pressure [Pa] since the reading has not changed."""
+        return max(abs(a - b) for a, b in zip(pressures, self._pressures, strict=True))
 
 
 class PositionWatch:
@@ -52,6 +58,7 @@ class PositionWatch:
         fastest = max(limits.velocity_max, -limits.velocity_min)
         self._speed, self._margin = settings.jump_speed * fastest, STILL_STEPS * resolution
         self._joint, self._cycle, self._settings = joint, cycle, settings
+        self.chambers = f"{joint}.a", f"{joint}.b"  # names of its pressures
         self._driven = _Stillness(settings.opening, self._margin)
         self._pressed = _Stillness(settings.neutral, self._margin)
         self._time, self._position = math.nan, math.nan
@@ -85,12 +92,14 @@ class PositionWatch:
     def _still(
         self, time: float, position: float, spool: float, pressures: Sequence[float]
     ) -> Fault | None:
-        longest, most = self._settings.still_time, self._settings.still_pressure
-        driven, _ = self._driven.observe(time, position, spool, pressures)
-        pressed, change = self._pressed.observe(time, position, spool, pressures)
+        longest = self._settings.still_time
+        driven = self._driven.observe(time, position, spool, pressures)
+        pressed = self._pressed.observe(time, position, spool, pressures)
         if driven > longest:
             why = f"for {driven * 1e3:.0f} ms with its valve open by {abs(spool):.2f}"
-        elif pressed > longest and change > most:
+        elif pressed > longest and (
+            (change := self._pressed.pressure_change(pressures)) > self._settings.still_pressure
+        ):
             why = (
                 f"for {pressed * 1e3:.0f} ms while its pressures changed by {change / 1e5:.0f} bar"
             )
@@ -109,7 +118,7 @@ def believed(
     """The positions, NaN where they are not believed, and what is newly wrong."""
     found, wrong = dict(positions), []
     for joint, watch in watches.items():
-        chambers = [pressures.get(f"{joint}.{chamber}", math.nan) for chamber in "ab"]
+        chambers = [pressures.get(name, math.nan) for name in watch.chambers]
         if fault := watch.observe(time, positions[joint], spools[joint], chambers):
             wrong.append(fault)
         if not watch.believed:

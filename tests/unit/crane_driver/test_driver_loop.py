@@ -4,13 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.cycles import LEARNT
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
-from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
+from crane_driver.driver_loop import CylinderEffort, DriverLoop, JointSample, PressureSample
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.states import SafetyState
@@ -32,6 +34,7 @@ PRESSURES = {
     "supply": 17e6,
     "tank": 2e5,
 }
+pressures = st.floats(0.0, 25e6)  # Pa
 
 
 class Bench:
@@ -117,6 +120,36 @@ def test_effort_is_the_generalized_force_of_the_pressures_of_the_same_cycle(benc
     )
     assert math.isnan(joints.effort[0])  # no transducers
     assert joints.effort[1:] == pytest.approx(expected.tolist(), rel=1e-3)
+
+
+@given(
+    st.lists(st.floats(0.0, 1.0), min_size=3, max_size=3),
+    st.lists(pressures, min_size=6, max_size=6),
+)
+def test_effort_equals_that_of_arrays_at_every_position_and_pressure(
+    places: list[float], chambers: list[float]
+) -> None:
+    limits = [MACHINE.limits[joint] for joint in PLANAR_JOINTS]
+    position = [
+        (1.0 - s) * one.position_min + s * one.position_max
+        for s, one in zip(places, limits, strict=True)
+    ]
+    expected = generalized_forces(
+        MACHINE,
+        np.array([position]),
+        np.array([chambers[:3]]),
+        np.array([chambers[3:]]),
+        PLANAR_JOINTS,
+    )
+    effort = [
+        CylinderEffort(MACHINE, joint)(q, {f"{joint}.a": a, f"{joint}.b": b})
+        for joint, q, a, b in zip(PLANAR_JOINTS, position, chambers[:3], chambers[3:], strict=True)
+    ]
+    assert effort == pytest.approx(expected[0].tolist(), rel=1e-12)
+
+
+def test_effort_without_pressures_is_not_a_number() -> None:
+    assert math.isnan(CylinderEffort(MACHINE, "inner_boom")(0.3, {}))
 
 
 def test_the_first_sample_has_no_velocity(fresh: Bench) -> None:
