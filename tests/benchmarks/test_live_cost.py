@@ -21,10 +21,10 @@ from integration.processes import CONTROLLER_PRIORITY, MACHINE_PRIORITY, PATIENC
 from integration.recording_graph import Process, graph
 from known_crane import write_known_model
 
-from crane_driver.realtime import prefer
 from crane_interfaces.msg import DriverState
 from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient
+from crane_nodes.scheduling import prefer
 
 MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "20"))  # s
 MOVING = 3.0  # s after the first valve command, until the experiment is well under way

@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 import rclpy
 import yaml
-from integration.processes import PATIENCE, RUN, end, environment, free_port, line
+from integration.processes import RUN, end, environment, free_port, line
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -31,6 +31,7 @@ from crane_nodes.driver_client import DriverClient
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.stamps import nanoseconds
 
+PATIENCE = 900.0  # s, bounds a failing test
 SIMULATED = ("-p", "use_sim_time:=true")
 LISTENERS = ("trajectory", "identification", "recorder")
 MODULES = {
