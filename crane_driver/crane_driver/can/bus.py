@@ -1,6 +1,7 @@
 """Opening CAN buses from parameters, and what state they are in."""
 
 import socket
+import sys
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 import can
 from pydantic import Field
 
+from crane_driver.can.multicast import EchoFreeMulticastBus
 from crane_model.configuration import Schema
 from crane_model.errors import CraneError
 
@@ -63,7 +65,7 @@ def open_bus(settings: BusSettings) -> can.BusABC:
     if settings.bitrate is not None:
         parameters["bitrate"] = settings.bitrate
     try:
-        bus = can.Bus(interface=settings.interface, ignore_config=True, **parameters)
+        bus = _open(settings.interface, parameters)
     except Exception as error:  # the back ends of python-can raise whatever their drivers do
         reason = error.__cause__ or error
         raise BusError(
@@ -71,6 +73,13 @@ def open_bus(settings: BusSettings) -> can.BusABC:
         ) from error
     _enlarge_receive_buffer(bus)
     return bus
+
+
+def _open(interface: str, parameters: dict[str, Any]) -> can.BusABC:
+    ipv4 = ":" not in str(parameters.get("channel"))
+    if interface == "udp_multicast" and ipv4 and sys.platform == "linux":
+        return EchoFreeMulticastBus(**parameters)
+    return can.Bus(interface=interface, ignore_config=True, **parameters)
 
 
 def check_state(bus: can.BusABC, settings: BusSettings) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
+from numba import njit
 from pydantic import Field
 
 from crane_model.array import Array
@@ -14,6 +15,16 @@ from crane_model.machine import Machine
 def in_counts(q: Array, counts: Array) -> Array:
     """Coordinates q (..., j) rounded to whole `counts` (j,) [rad, m]."""
     shown: Array = counts * np.rint(np.asarray(q) / counts)
+    return shown
+
+
+@njit(cache=True, error_model="numpy")
+def _converted(pressure: Array, full_scale: float, step: float) -> Array:
+    """Pressures (n,) limited to 0 and `full_scale`, in whole steps [Pa]."""
+    shown = np.empty_like(pressure)
+    for k, true in enumerate(pressure):
+        limited = 0.0 if true < 0.0 else full_scale if true > full_scale else true
+        shown[k] = np.rint(limited / step) * step
     return shown
 
 
@@ -55,9 +66,13 @@ class SensorChain(Schema):
     def measure_pressure(self, rng: np.random.Generator, pressure: Array) -> Array:
         """Transducer readings of any shape [Pa]: noise, saturation, quantisation."""
         pressure = np.asarray(pressure, dtype=float)
-        noisy = pressure + self.pressure_noise * rng.standard_normal(pressure.shape)
-        counts = np.round(np.clip(noisy, 0.0, self.pressure_range) / self.pressure_step)
-        return counts * self.pressure_step
+        return self.converted(pressure + self.pressure_noise * rng.standard_normal(pressure.shape))
+
+    def converted(self, pressure: Array) -> Array:
+        """Pressures of any shape [Pa] as the converter shows them: saturated and quantised."""
+        flat = np.ascontiguousarray(pressure, dtype=float).ravel()
+        shown: Array = _converted(flat, self.pressure_range, self.pressure_step)
+        return shown.reshape(np.shape(pressure))
 
     def force_noise(self, machine: Machine, joint: str) -> float:
         """Standard deviation of a cylinder force (19) that noise and quantisation cause [N]."""

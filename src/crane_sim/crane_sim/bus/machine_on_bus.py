@@ -42,13 +42,14 @@ class MachineOnBus:
         self._every = {
             name: round(cycle / self.period) for name, cycle in self._codec.cycles.items()
         }
-        measured = {f"{joint}.{ab}" for joint in sensors.cylinders for ab in "ab"} | {*LINES}
-        if absent := [name for name in layout.pressures if name not in measured]:
+        chambers = [f"{joint}.{chamber}" for chamber in "ab" for joint in sensors.cylinders]
+        self._measured = (*chambers, *LINES)
+        if absent := [name for name in layout.pressures if name not in self._measured]:
             raise ConfigurationError(
                 f"the mapping has the pressures {', '.join(absent)}, but the simulated crane "
-                f"measures {', '.join(sorted(measured))}; take them out of the mapping"
+                f"measures {', '.join(sorted(self._measured))}; take them out of the mapping"
             )
-        # What devices other than the valve unit say of themselves: that they are well.
+        # What devices say of themselves; all but the valve unit that they are well.
         self._states = {
             state.name: state.label(min(state.healthy))
             for message in layout.readings
@@ -64,12 +65,12 @@ class MachineOnBus:
         for frame in frames:
             self.valves.receive(frame)
         positions, pressures = self._read
-        states = self._states | {"valve_unit": self.valves.state}
+        self._states["valve_unit"] = self.valves.state
         due = [name for name, every in self._every.items() if self._cycle % every == 0]
         self._cycle += 1
         accepted = self.valves.accepted
         return [
-            self._codec.reading_frame(name, positions, pressures, states, accepted=accepted)
+            self._codec.reading_frame(name, positions, pressures, self._states, accepted=accepted)
             for name in due
         ]
 
@@ -92,16 +93,16 @@ class MachineOnBus:
         plant = self._plant
         time = self._time - self._start
         q = self._sensors.positions(plant.q, time)
-        on = float(self._operator.engine)
+        pressure_a, pressure_b = plant.pressure_a[np.newaxis], plant.pressure_b[np.newaxis]
+        supply, tank = plant.supply_pressure, plant.tank_pressure
+        if not self._operator.engine:
+            pressure_a, pressure_b = np.zeros_like(pressure_a), np.zeros_like(pressure_b)
+            supply = tank = 0.0
         read = self._sensors.pressures(
-            on * plant.pressure_a[np.newaxis],
-            on * plant.pressure_b[np.newaxis],
-            np.array([on * plant.supply_pressure]),
-            on * plant.tank_pressure,
-            np.array([time]),
+            pressure_a, pressure_b, np.array([supply]), tank, np.array([time])
         )
-        pressures = {"supply": float(read.supply[0]), "tank": float(read.tank[0])}
-        for column, joint in enumerate(self._sensors.cylinders):
-            pressures[f"{joint}.a"] = float(read.chamber_a[0, column])
-            pressures[f"{joint}.b"] = float(read.chamber_b[0, column])
-        return dict(zip(self._joints, q.tolist(), strict=True)), pressures
+        pressures = np.concatenate(read, axis=None).tolist()
+        return (
+            dict(zip(self._joints, q.tolist(), strict=True)),
+            dict(zip(self._measured, pressures, strict=True)),
+        )

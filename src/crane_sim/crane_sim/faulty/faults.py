@@ -116,7 +116,9 @@ class Faults:
     def pressures(
         self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray, supply: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Readings (n, k), (n, k), (n,) [Pa] at times (n,) [s]."""
+        """Readings (n, k), (n, k), (n,) [Pa] at times (n,) [s]; those given if nothing fails."""
+        if not self._running:
+            return chamber_a, chamber_b, supply
         chambers = {
             CHAMBERS[0]: np.array(chamber_a, dtype=float),
             CHAMBERS[1]: np.array(chamber_b, dtype=float),

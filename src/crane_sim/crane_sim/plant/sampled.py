@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from crane_model.machine import Machine
 from crane_model.sensors import SensorChain, in_counts
@@ -44,7 +45,7 @@ class Sensors:
         self._rng = np.random.default_rng(seed)
         self._counts = chain.counts(machine.joint_names)
         self.cylinders = measured_joints(machine)
-        self._fitted = [machine.index(joint) for joint in self.cylinders]
+        self._fitted = np.array([machine.index(joint) for joint in self.cylinders], dtype=int)
 
     def instants(self, start: float, count: int) -> np.ndarray:
         """(count,) sampling instants [s], one period apart but for jitter."""
@@ -74,16 +75,39 @@ class Sensors:
             time = np.zeros(len(supply))
         for fault in self._wrong:
             chamber_a, chamber_b = fault.pressures(time, chamber_a, chamber_b)
-        measure = self._chain.measure_pressure
-        read = (
-            measure(self._rng, chamber_a[:, self._fitted]),
-            measure(self._rng, chamber_b[:, self._fitted]),
-            measure(self._rng, supply),
-        )
-        tank_read = measure(self._rng, np.full_like(supply, tank))
-        shown_a, shown_b, shown = map(self._converted, self.timed.pressures(time, *read))
-        return Pressures(shown_a, shown_b, shown, tank_read)
+        true = _gathered(
+            np.ascontiguousarray(chamber_a), np.ascontiguousarray(chamber_b),
+            np.ascontiguousarray(supply), tank, self._fitted,
+        )  # fmt: skip
+        read = self._chain.measure_pressure(self._rng, true)
+        n, k = len(supply), len(self._fitted)
+        read_a, read_b = read[: 2 * n * k].reshape(2, n, k)
+        read_supply, read_tank = read[2 * n * k :].reshape(2, n)
+        shown_a, shown_b, shown = self.timed.pressures(time, read_a, read_b, read_supply)
+        if shown_a is read_a:  # nothing fails
+            return Pressures(read_a, read_b, read_supply, read_tank)
+        convert = self._chain.converted
+        return Pressures(convert(shown_a), convert(shown_b), convert(shown), read_tank)
 
-    def _converted(self, pressure: np.ndarray) -> np.ndarray:
-        step, most = self._chain.pressure_step, self._chain.pressure_range
-        return np.round(np.clip(pressure, 0.0, most) / step) * step
+
+@njit(cache=True, error_model="numpy")
+def _gathered(
+    chamber_a: np.ndarray,
+    chamber_b: np.ndarray,
+    supply: np.ndarray,
+    tank: float,
+    fitted: np.ndarray,
+) -> np.ndarray:
+    """Pressures of all transducers one behind the other: A, B, supply and tank of n samples [Pa].
+
+    Compiled, and in one array: for a few numbers, every call of numpy costs more than they do.
+    """
+    n, k = len(supply), len(fitted)
+    pressure = np.empty(2 * n * (k + 1))
+    for row in range(n):
+        for column in range(k):
+            pressure[row * k + column] = chamber_a[row, fitted[column]]
+            pressure[(n + row) * k + column] = chamber_b[row, fitted[column]]
+        pressure[2 * n * k + row] = supply[row]
+        pressure[2 * n * k + n + row] = tank
+    return pressure
