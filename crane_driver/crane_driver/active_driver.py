@@ -23,7 +23,7 @@ from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.news import Level
 from crane_interfaces.msg import PositionEstimate, SensorFindings, ValveCommand
 from crane_nodes.driver_client import LATCHED
-from crane_nodes.scheduling import RealTime, RealTimeSettings
+from crane_nodes.scheduling import RealTime, RealTimeSettings, ThreadClock
 from crane_nodes.stamps import nanoseconds
 
 DEPTH = 10  # messages
@@ -53,6 +53,7 @@ class ActiveDriver:
         self._joints, self._pressures, self._outputs = joints, pressures, outputs
         self._report = report
         self._realtime: RealTime | None = None
+        self._spent = ThreadClock()
         self._commands: Subscription | None = None
         self._estimates: Subscription | None = None
         self._findings: Subscription | None = None
@@ -90,6 +91,7 @@ class ActiveDriver:
                 self._write(self.loop.codec.command_frames(output.commands, output.enabled))
             self._pause()
         self.link.close()
+        self._spent.close()
         if self._realtime:
             self._realtime.end()
 
@@ -130,7 +132,7 @@ class ActiveDriver:
         anywhere, and what is late only for that is no fault of who sends it.
         """
         now = self._now()
-        self.loop.run(now, time.process_time())
+        self.loop.run(now, self._spent.read())
         return now
 
     def _take(self) -> None:

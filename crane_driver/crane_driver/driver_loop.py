@@ -25,6 +25,7 @@ from crane_driver.safety.supervisor import Supervisor
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.linkages import motion
 from crane_model.machine import Machine
+from crane_nodes.scheduling import ProcessorTime
 
 # After a command valve frames follow the commands, not the cycle, unless none comes for so long.
 GRACE = 1.5  # cycles
@@ -135,12 +136,12 @@ class DriverLoop:
         """Cycles that were given up because one of their frames did not come."""
         return self._positions.incomplete + self._pressures.incomplete
 
-    def run(self, now: float, computed: float) -> None:
-        """The loop runs; `computed`: processor time [s] of the process so far.
+    def run(self, now: float, spent: ProcessorTime) -> None:
+        """The loop runs, and has `spent` so much processor time so far.
 
         Comes before all that may be late only because the loop did not run.
         """
-        if stall := self._stalls.ran(now, computed):
+        if stall := self._stalls.ran(now, spent):
             self.supervisor.stalled(stall, now)
 
     def receive(

@@ -151,6 +151,7 @@ class Fault:
     id: str = ""  # of a message, as `show_id` writes it
     measures: str = ""  # what a message measures, for people: "encoder of boom"
     reading: str = ""  # the one that is no measurement: joint, JOINT.a, ..., supply
+    advice: str = ""  # what to do, where what the kind says does not fit
 
     @property
     def where(self) -> str:
@@ -166,7 +167,7 @@ class Fault:
     @property
     def remedy(self) -> str:
         """What to do."""
-        return f"{self.kind.remedy}, then call reset_fault"
+        return f"{self.advice or self.kind.remedy}, then call reset_fault"
 
     def __str__(self) -> str:
         return ": ".join(filter(None, (self.where, self.kind, self.detail)))

@@ -22,6 +22,7 @@ from crane_driver.safety.settings import load_safety
 from crane_driver.safety.states import SafetyState
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_nodes.scheduling import ProcessorTime
 
 MACHINE = load_machine()
 LAYOUT = load_layout(MACHINE, machine_file("can.yaml"), machine_file("can.dbc"))
@@ -59,7 +60,7 @@ class Experiment:
         frames = list(self._frames(came))
         now = came + TAKEN_AFTER
         with self._timed("receive"):
-            self.loop.run(now, 0.0)
+            self.loop.run(now, ProcessorTime(0.0))
             joints, pressures = self.loop.receive(frames, [], now)
         with self._timed("messages"):
             for pressure in pressures:

@@ -3,6 +3,14 @@
 import math
 
 from crane_driver.faults import Fault, FaultKind
+from crane_nodes.scheduling import ProcessorTime
+
+# Which remedy fits where it is not the want of priority, which the kind of the fault names.
+IN_REAL_TIME = (
+    "it has real-time priority: let all that has it use at most half of the cores, as "
+    "docs/how_to/real_time.md says, or take a faster computer"
+)
+STOPPED = "it was stopped: look for a debugger, a suspended computer, or a disk that it waited for"
 
 
 class StallWatch:
@@ -11,21 +19,32 @@ class StallWatch:
     def __init__(self, limit: float):
         """`limit` [s]: a longer pause is a stall."""
         self._limit = limit
-        self._ran = self._computed = math.nan
+        self._ran, self._spent = math.nan, ProcessorTime(math.nan)
 
-    def ran(self, now: float, computed: float) -> Fault | None:
-        """What is wrong when the loop runs at `now` [s].
+    def ran(self, now: float, spent: ProcessorTime) -> Fault | None:
+        """What is wrong when the loop runs at `now` [s], having `spent` so much so far.
 
-        `computed`: processor time [s] that the whole process has used so far. The first run has
-        nothing to be late by.
+        The first run has nothing to be late by.
         """
-        pause, used = now - self._ran, computed - self._computed
-        self._ran, self._computed = now, computed
+        pause, before = now - self._ran, self._spent
+        self._ran, self._spent = now, spent
         if not pause > self._limit:
             return None
-        kind = FaultKind.OVERWORKED if used > pause / 2 else FaultKind.STALLED
-        said = f"{kind.cause}: after {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms"
-        return Fault(kind, said)
+        computed, waited = spent.computed - before.computed, spent.waited - before.waited
+        kind, advice = FaultKind.STALLED, ""
+        if computed > pause / 2:
+            kind = FaultKind.OVERWORKED
+        elif waited < pause / 2:
+            advice = STOPPED
+        elif spent.priority:
+            advice = IN_REAL_TIME
+        said = (
+            f"{kind.cause}: after {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms; it "
+            f"computed for {computed * 1e3:.0f} ms"
+        )
+        if math.isfinite(waited):
+            said += f" and waited for a processor for {waited * 1e3:.0f} ms"
+        return Fault(kind, said, advice=advice)
 
 
 def behind(now: float, heard: float) -> Fault:

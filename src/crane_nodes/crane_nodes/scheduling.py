@@ -8,12 +8,14 @@ second.
 """
 
 import ctypes
+import math
 import os
 import resource
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 PATIENCE_S = 60.0
 """Real time for which simulated time waits for a process that is there but does not answer [s]."""
@@ -88,3 +90,35 @@ def prefer(process: int, priority: int) -> bool:
     except (PermissionError, ProcessLookupError):
         return False
     return True
+
+
+class ProcessorTime(NamedTuple):
+    """What the processor has done for a process so far."""
+
+    computed: float  # s, of all threads
+    waited: float = math.nan  # s, that one thread was ready to run and did not; NaN: not known
+    priority: int = 0  # real-time priority of that thread; 0: none
+
+
+class ThreadClock:
+    """Measures the `ProcessorTime` of the thread that makes it."""
+
+    def __init__(self) -> None:
+        self._file = -1
+        with suppress(OSError):  # a kernel without statistics of the scheduler
+            thread = Path("/proc/thread-self").readlink()
+            self._file = os.open(f"/proc/{thread}/schedstat", os.O_RDONLY)
+
+    def read(self) -> ProcessorTime:
+        """Return what it is now."""
+        waited = math.nan
+        if self._file >= 0:
+            waited = 1e-9 * int(os.pread(self._file, 64, 0).split()[1])
+        priority = os.sched_getparam(0).sched_priority
+        return ProcessorTime(time.process_time(), waited, priority)
+
+    def close(self) -> None:
+        """Measure no more."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1

@@ -19,6 +19,7 @@ from crane_driver.safety.states import SafetyState
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_nodes.scheduling import ProcessorTime
 
 MACHINE = load_machine()
 JOINTS = MACHINE.joint_names
@@ -223,10 +224,10 @@ STALL = 0.143  # s
 def test_a_stall_of_the_driver_is_no_silence_of_the_machine(bench: Bench) -> None:
     """What came meanwhile waits in the operating system, where one frame after another is read."""
     bench.run(100)
-    bench.loop.run(bench.now, computed=7.0)
+    bench.loop.run(bench.now, spent=ProcessorTime(7.0))
     heard = bench.now
     queued = [bench.frames() for _ in range(round(STALL / CYCLE))]
-    bench.loop.run(bench.now, computed=7.001)
+    bench.loop.run(bench.now, spent=ProcessorTime(7.001))
     for frames in queued:
         bench.loop.receive(frames, [], bench.now)
         bench.loop.check(0, bench.now, heard)
