@@ -241,9 +241,9 @@ def test_a_stall_of_the_driver_is_no_silence_of_the_machine(bench: Bench) -> Non
 
 def test_a_machine_that_falls_silent_while_the_driver_stalls_is_a_fault_too(bench: Bench) -> None:
     bench.run(100)
-    bench.loop.run(bench.now, 7.0)
+    bench.loop.run(bench.now, ProcessorTime(7.0))
     bench.now += STALL
-    bench.loop.run(bench.now, 7.0)
+    bench.loop.run(bench.now, ProcessorTime(7.0))
     bench.loop.check(0, bench.now, bench.now)
     first, *others = bench.loop.supervisor.faults
     assert first == "stalled"
@@ -256,7 +256,7 @@ def test_a_receiving_thread_that_stalls_is_told_from_a_silent_machine(bench: Ben
     while "stalled" not in bench.loop.supervisor.faults:
         assert bench.now < heard + STALL
         bench.now += CYCLE
-        bench.loop.run(bench.now, 7.0)
+        bench.loop.run(bench.now, ProcessorTime(7.0))
         bench.loop.receive([], [], bench.now)
         bench.loop.check(0, bench.now, heard)
     assert bench.loop.supervisor.state is SafetyState.FAULT
@@ -270,9 +270,9 @@ def test_while_offline_a_stall_is_no_fault_but_delays_what_follows(fresh: Bench)
         for _ in range(cycles):
             fresh.receive(fresh.frames())
 
-    fresh.loop.run(fresh.now, 7.0)
+    fresh.loop.run(fresh.now, ProcessorTime(7.0))
     receive(LEARNT - 5)
-    fresh.loop.run(fresh.now, 7.0)
+    fresh.loop.run(fresh.now, ProcessorTime(7.0))
     receive(30)
     assert fresh.loop.supervisor.state is SafetyState.OFFLINE
     receive(15)
