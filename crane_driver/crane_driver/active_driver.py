@@ -216,6 +216,9 @@ class ActiveDriver:
         for frame in frames:
             self.link.send(frame)
 
+    async def settled(self) -> None:
+        """Wait until the driver may be enabled or reset: in real time, at once."""
+
     # what services ask; `RefusedError` where the state does not permit it
 
     def enable(self) -> None:

@@ -4,7 +4,7 @@ Software is no safety stop: keep the emergency stop of the machine within reach.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
@@ -71,13 +71,13 @@ class Driver(LifecycleNode):
         self._received = self.create_guard_condition(self._receive)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD_S, self._report, clock=steady)
-        for name, action in (
-            ("enable", ActiveDriver.enable),
-            ("disable", ActiveDriver.disable),
-            ("emergency_stop", ActiveDriver.emergency_stop),
-            ("reset_fault", ActiveDriver.reset_fault),
+        for name, action, waits in (
+            ("enable", ActiveDriver.enable, True),
+            ("disable", ActiveDriver.disable, False),
+            ("emergency_stop", ActiveDriver.emergency_stop, False),
+            ("reset_fault", ActiveDriver.reset_fault, True),
         ):
-            self.create_service(Trigger, f"~/{name}", self._service(name, action))
+            self.create_service(Trigger, f"~/{name}", self._service(name, action, waits))
         self.create_service(SubstituteEncoder, "~/substitute", self._substitute)
         self._report()
 
@@ -182,9 +182,12 @@ class Driver(LifecycleNode):
         self._diagnostics.publish(message)
 
     def _service(
-        self, name: str, action: Callable[[ActiveDriver], None]
-    ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
-        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self, name: str, action: Callable[[ActiveDriver], None], waits: bool
+    ) -> Callable[[Trigger.Request, Trigger.Response], Awaitable[Trigger.Response]]:
+        async def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            if waits and self._active:
+                await self._active.settled()
+
             def asked(active: ActiveDriver) -> str:
                 action(active)
                 return active.loop.supervisor.state

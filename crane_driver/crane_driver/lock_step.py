@@ -10,7 +10,9 @@ Who is waited for, each for at most `PATIENCE_S`:
 - nodes that must not be left behind, as they say by `Pacing`.
 
 While nobody commands the crane, simulated time passes no faster than real time. With `listeners`
-it begins when these nodes hear the joint states, and stands still while the crane rests.
+it begins when these nodes hear the joint states, and stands still while the crane rests. Then the
+driver is enabled and reset at such a standstill alone, so that every motion begins at a time that
+the computer has no part in.
 """
 
 import time
@@ -18,6 +20,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
+from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Header
 
@@ -59,6 +62,7 @@ class LockStepDriver(ActiveDriver):
         self._taken: dict[str, int] = {}  # by node, how far the crane may go [ns]
         self._absent = sorted(self._listeners)
         self._remark = ""
+        self._next_look = Future()
 
     def begin(self, realtime: RealTimeSettings) -> None:
         """Listen to commands and wait for the crane; simulated time needs no priority."""
@@ -140,6 +144,8 @@ class LockStepDriver(ActiveDriver):
             self._judge(self._now(), self._now())
             self._answer(self._now())
         self._say()
+        looked, self._next_look = self._next_look, Future()
+        looked.set_result(None)
 
     def _command(self, message: ValveCommand, info: dict[str, Any]) -> None:
         self._commanded(message, self._now())
@@ -173,14 +179,26 @@ class LockStepDriver(ActiveDriver):
                 return NOBODY
             if cycles < 1.5 and waited < PATIENCE_S:
                 return "the command that answers this cycle"
-        if self._listeners and not open_valves:
-            quiet = self._time - self._changed > QUIET_NS and self._state is not SafetyState.OFFLINE
-            if supervisor.letting_through or quiet:
-                return NO_COMMANDER
-            if absent := self._missing():
-                return absent
+        if self._listeners and (absent := self._missing()):
+            return absent
+        if self._rests:
+            return NO_COMMANDER
         early = time.monotonic() - self._stepped < EARLY * self.loop.cycle
         return PACE if led or early else NOBODY
+
+    @property
+    def _rests(self) -> bool:
+        """Whether simulated time stands still until somebody commands the crane."""
+        supervisor = self.loop.supervisor
+        if not self._listeners or any(supervisor.sent.values()):
+            return False
+        quiet = self._time - self._changed > QUIET_NS and self._state is not SafetyState.OFFLINE
+        return supervisor.letting_through or quiet
+
+    async def settled(self) -> None:
+        """Wait until a crane that comes to rest needs no more time: always at the same one."""
+        while self._listeners and self._state is not SafetyState.OFFLINE and not self._rests:
+            await self._next_look
 
     def _behind(self) -> str:
         """Name a node that the crane would leave behind."""

@@ -77,6 +77,14 @@ class Suite:
         self.node.create_subscription(Clock, "/clock", self._ticked, 1)
 
     def __enter__(self) -> Self:
+        try:
+            self._begin()
+        except AssertionError:
+            self.__exit__()
+            raise
+        return self
+
+    def _begin(self) -> None:
         trajectory = self._folder / "short.yaml"
         trajectory.write_text(yaml.safe_dump(TRAJECTORY))
         port = free_port()
@@ -92,7 +100,6 @@ class Suite:
             *("excitation", "--enable", "--trajectory", str(trajectory), "--periods", "1"),
             *("--result", str(self._folder / "result.json"), "--ros-args"),
         )
-        return self
 
     def __exit__(self, *_: object) -> None:
         for name in reversed(self.processes):
