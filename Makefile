@@ -24,7 +24,7 @@ export PYTHON
 # Nothing started from here talks to other machines: env.sh sees to it where this is not set.
 unexport ROS_AUTOMATIC_DISCOVERY_RANGE
 
-in_env := source scripts/env.sh &&
+in_env := source scripts/env.sh && source scripts/step.sh &&
 
 .PHONY: help view pictures tables demo study discrepancy-benchmark observer-benchmark test bench figures lint docs setup clean
 
@@ -78,12 +78,15 @@ figures: setup
 
 lint:
 	@scripts/setup.sh test tables pictures
-	@$(in_env) ruff check . && ruff format --check . && mypy
+	@$(in_env) step style "1 s" "ruff check --fix ." ruff check . && \
+	step format "1 s" "ruff format ." ruff format --check . && \
+	step types "10 s to 2 min" "the line that it names" mypy; finish
 
 # A warning is an error.
 docs:
 	@scripts/setup.sh docs tables pictures
-	@$(in_env) python -m sphinx -W --keep-going -q -j auto -d runs/docs/doctrees docs runs/docs/html
+	@$(in_env) step manual "1 to 4 min" "mend the page that it names; or rm -r runs/docs" \
+	python -m sphinx -W --keep-going -q -j auto -d runs/docs/doctrees docs runs/docs/html; finish
 
 clean:
 	rm -rf .venv build install log .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -9,12 +9,14 @@
 # same session, where the kernel groups by it), where that is permitted; where it is not, other work
 # on the same cores makes true faults. Nothing is tried twice.
 set -euo pipefail
+source "$(dirname "$0")/step.sh"
 
 units=() others=()
 for test; do
     if [[ $test == tests/unit* ]]; then units+=("$test"); else others+=("$test"); fi
 done
 
+remedy="the failed test alone: source scripts/env.sh && python -m pytest FILE::TEST"
 some() { "$@" || [ $? -eq 5 ]; } # pytest ends with 5 where nothing is selected
 one_file_each=(--dist loadfile --no-loadscope-reorder)
 in_parallel=(python -m pytest "${one_file_each[@]}" -m "not realtime")
@@ -22,11 +24,13 @@ in_parallel=(python -m pytest "${one_file_each[@]}" -m "not realtime")
 export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 
 if [ ${#others[@]} -eq 0 ]; then
-    some "${in_parallel[@]}" -n 2 "${units[@]}"
+    step unit_tests "some minutes" "$remedy" some "${in_parallel[@]}" -n 2 "${units[@]}" || true
+    finish
     exit
 fi
 
 idle() { awk '/^cpu / { print $5 + $6 }' /proc/stat; } # time of all cores [1/100 s], since the start
+echo "tests: 14 min on two fast cores, twice as long on slow ones"
 before=$(idle)
 sleep 2
 free=$((($(idle) - before) / 2)) # % of a core
@@ -38,21 +42,25 @@ machine=$(python -c "$slowness") # % of a core
 at_once=$((free > 2 * machine ? free / machine : 1))
 
 if [ ${#units[@]} -gt 0 ]; then
-    log=$(mktemp)
+    mkdir -p runs/log
+    log=runs/log/unit_tests.log
+    echo "unit_tests: beside all others, shown after them; log: $log"
     chrt --idle 0 "${in_parallel[@]}" -n 2 "${units[@]}" >"$log" 2>&1 &
     running=$!
-    trap 'kill $running 2>/dev/null || true; rm -f "$log"' EXIT
+    trap 'kill $running 2>/dev/null || true' EXIT
 fi
-status=0
-some "${in_parallel[@]}" -n 3 "${others[@]}" || status=1
+step tests_with_processes "6 min on fast cores, 13 min on slow ones" "$remedy" \
+    some "${in_parallel[@]}" -n 3 "${others[@]}" || true
 
 echo "in real time: $at_once at a time; each takes $machine % of a core"
 # To import the other files takes seconds. `nice` runs its command, too, where that is not permitted.
 mapfile -t without < <(grep -rL --include="test_*.py" "pytest.mark.realtime" tests/integration)
 in_real_time=(nice -n -10 python -m pytest -m realtime "${without[@]/#/--ignore=}")
-some "${in_real_time[@]}" "${one_file_each[@]}" -n "$at_once" "${others[@]}" || status=1
+step tests_in_real_time "7 min two at a time, twice as long one by one" "$remedy" \
+    some "${in_real_time[@]}" "${one_file_each[@]}" -n "$at_once" "${others[@]}" || true
 if [ ${#units[@]} -gt 0 ]; then
-    some wait "$running" || status=1
-    cat "$log"
+    echo "unit_tests: what is left of them"
+    tail -n +1 -f --pid="$running" "$log"
+    some wait "$running" || failed unit_tests "$remedy" "$log"
 fi
-exit $status
+finish

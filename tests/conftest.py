@@ -1,8 +1,10 @@
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from heartbeat import Heartbeat
 from hypothesis import HealthCheck, settings
 from rich.console import Console
 from rich.table import Table
@@ -44,6 +46,12 @@ LONGEST = (
 )
 MEASURED = ROOT / "runs" / "bench"  # for the manual: `make figures`
 ROWS = pytest.StashKey[dict[str, dict[str, MeasuredRow]]]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """A log of a parallel run gets a line from time to time: dots alone end no line for minutes."""
+    if config.getoption("numprocesses", None) and not sys.stdout.isatty():
+        config.pluginmanager.register(Heartbeat())
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

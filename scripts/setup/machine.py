@@ -5,9 +5,20 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+LAST = 10  # lines of a log that are shown
+
 
 class SetupError(Exception):
-    """The set-up cannot go on; every argument is one line for the user: what, and what to do."""
+    """The set-up cannot go on; every argument tells the user one fault, and what to do."""
+
+
+def failure(what: str, log: Path, remedy: str) -> str:
+    """Return the text about a failed step: last lines of its log, remedy, place of the log."""
+    lines = log.read_text(errors="replace").splitlines()[-LAST:] if log.is_file() else []
+    return "\n".join(
+        [f"{what}; the last lines of its log:", *(f"  {line}" for line in lines)]
+        + [f"try: {remedy}", f"log: {log}"]
+    )
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,30 @@ import shutil
 import subprocess
 import sys
 import venv
+from dataclasses import dataclass
 from pathlib import Path
 
 import wheels
-from machine import Machine, SetupError
+from machine import Machine, SetupError, failure
 
+
+@dataclass(frozen=True)
+class Part:
+    """Packages that are installed together."""
+
+    purpose: str
+    download: int  # MB, if no cache has them: tests/benchmarks/test_set_up_size.py measures it
+    time: str  # beside the download
+
+
+CORE = Part("the suite and ROS 2 Jazzy", 300, "20 s to 1 min")
+WITH_ROS = Part("the suite and its tests, beside the installed ROS", 415, "20 s to 1 min")
 EXTRAS = {
-    "docs": "the manual",
-    "pictures": "pictures of the crane",
-    "tables": "tables",
-    "test": "the tests",
-    "view": "the live view",
+    "docs": Part("the manual", 40, "5 to 10 s"),
+    "pictures": Part("pictures of the crane", 45, "5 to 10 s"),
+    "tables": Part("tables", 55, "5 to 10 s"),
+    "test": Part("the tests", 195, "10 to 40 s"),
+    "view": Part("the live view", 250, "5 to 10 s"),
 }
 # Settings of pip (files or environment) that uv knows by other names.
 PIP_TO_UV = {
@@ -66,8 +79,7 @@ def install_extra(machine: Machine, extra: str) -> None:
     wanted = _read(machine, f"requirements-{extra}.txt")
     if stamp.is_file() and stamp.read_text() == _stamp(machine, wanted):
         return
-    print(f"set-up: Python packages of {EXTRAS[extra]}", flush=True)
-    _install_pins(machine, wanted)
+    _install_pins(machine, wanted, EXTRAS[extra])
     stamp.write_text(_stamp(machine, wanted))
 
 
@@ -96,7 +108,7 @@ def install(machine: Machine) -> None:
     """Make or mend the virtual environment and install the pinned packages."""
     stamp_file(machine).unlink(missing_ok=True)
     if not _usable(machine):
-        print("set-up: virtual environment .venv", flush=True)
+        print("set-up: virtual environment .venv: usually 5 to 15 s", flush=True)
         for folder in ("build", "install", "log"):  # built for another environment
             shutil.rmtree(machine.root / folder, ignore_errors=True)
         venv.create(
@@ -106,8 +118,7 @@ def install(machine: Machine) -> None:
             with_pip=True,
             system_site_packages=machine.ros_installed,
         )
-    print("set-up: Python packages (the first time this downloads several hundred MB)", flush=True)
-    _install_pins(machine, pins(machine))
+    _install_pins(machine, pins(machine), WITH_ROS if machine.ros_installed else CORE)
     if not machine.ros_installed:
         wheels.mend_include_folders(machine)
     stamp_file(machine).write_text(wanted_stamp(machine))
@@ -131,7 +142,12 @@ def _usable(machine: Machine) -> bool:
     )
 
 
-def _install_pins(machine: Machine, wanted: list[str]) -> None:
+def _install_pins(machine: Machine, wanted: list[str], part: Part) -> None:
+    print(
+        f"set-up: {len(wanted)} Python packages for {part.purpose}: up to {part.download} MB to "
+        f"download, unless they are in a cache; beside that usually {part.time}",
+        flush=True,
+    )
     requirements = machine.venv / "crane-requirements.txt"
     requirements.write_text("\n".join(wanted) + "\n")
     quiet = [] if sys.stderr.isatty() else ["--quiet"]  # progress is for people
@@ -150,9 +166,18 @@ def _install_pins(machine: Machine, wanted: list[str]) -> None:
     )
     if done.returncode:
         print("set-up: uv could not install the packages, pip tries (minutes)", flush=True)
-        done = subprocess.run([*pip, *install], env=environment)
-    if done.returncode:
-        raise SetupError("the packages could not be installed; the lines above say why")
+        log = machine.venv / "crane-pip.log"
+        log.unlink(missing_ok=True)  # pip appends
+        done = subprocess.run([*pip, *install, "--log", str(log)], env=environment)
+        if done.returncode:
+            raise SetupError(
+                failure(
+                    f"the Python packages for {part.purpose} could not be installed",
+                    log,
+                    "the same command again, if the network failed; pip config list shows the "
+                    "package index and the proxy",
+                )
+            )
 
 
 def uv_settings(pip: list[str], environment: dict[str, str]) -> dict[str, str]:

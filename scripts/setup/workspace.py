@@ -2,11 +2,12 @@
 
 import hashlib
 import os
+import re
 import subprocess
 from pathlib import Path
 
 import packages
-from machine import Machine, SetupError
+from machine import Machine, SetupError, failure
 
 
 def _package_folders(machine: Machine) -> list[Path]:
@@ -83,15 +84,34 @@ def forget_compiled(machine: Machine) -> None:
 
 def build(machine: Machine) -> None:
     """Run `colcon build`; SetupError if it fails."""
-    print("set-up: colcon build", flush=True)
+    number = len(_package_folders(machine))
+    print(
+        f"set-up: colcon build of {number} packages, among them crane_interfaces, which generates "
+        "and compiles the messages: usually 30 s to 1 min",
+        flush=True,
+    )
     _stamp(machine).unlink(missing_ok=True)
     # No optimising build type: only generated message code is compiled, and that takes twice as
     # long with it. Log level: the wheels lack setup files, which colcon would remark every time.
     command = [str(machine.venv_python), "-m", "colcon", "--log-level", "error", "build"]
     command += ["--symlink-install", "--cmake-args", "-DBUILD_TESTING=OFF"]
     command += [f"-DPython3_EXECUTABLE={machine.venv_python}"]
+    command += [f"-DPYTHON_ONLY={'OFF' if machine.ros_installed else 'ON'}"]
     jobs = {"MAKEFLAGS": f"-j{os.cpu_count()}"}  # else colcon adds a limit by load: one job at once
     done = subprocess.run(command, cwd=machine.root, env=machine.environment() | jobs)
     if done.returncode:
-        raise SetupError("colcon build failed; the lines above and log/latest_build say why")
+        raise SetupError(_failure(machine.root / "log" / "latest_build"))
     _stamp(machine).write_text(_wanted(machine))
+
+
+def _failure(log: Path) -> str:
+    """Return the text about the build that failed: which package, and why."""
+    events = log / "events.log"
+    text = events.read_text() if events.is_file() else ""
+    if not (failed := re.search(r"'identifier': '(\w+)', 'rc': (?!0|'SIGINT')", text)):
+        return "colcon build failed; the lines above say why"
+    return failure(
+        f"colcon build failed in {failed[1]}",
+        log / failed[1] / "stdout_stderr.log",
+        "make clean, then the same command again",
+    )

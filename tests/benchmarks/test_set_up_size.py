@@ -1,11 +1,13 @@
-"""A fresh clone is set up as `make setup` does it: what that takes on the disk."""
+"""A fresh clone is set up as `make setup` does it: what that downloads, and takes on the disk."""
 
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import packages
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,3 +50,21 @@ def test_a_set_up_without_extras_is_not_large(
         built=whole - sizes[".venv"],
     )
     assert whole <= MOST
+
+
+@pytest.mark.skipif("ROS_DISTRO" in os.environ, reason="beside an installed ROS all comes at once")
+@pytest.mark.parametrize("extra", ["", *packages.EXTRAS])
+def test_what_the_set_up_says_of_a_download_holds(
+    extra: str, tmp_path: Path, measured: Callable[..., None]
+) -> None:
+    part = packages.EXTRAS[extra] if extra else packages.CORE
+    names = [f"-{extra}"] if extra else ["", "-dev", "-ros"]
+    pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", tmp_path]
+    for name in names:
+        pip += ["--requirement", ROOT / f"requirements{name}.txt"]
+    subprocess.run(pip, check=True)
+    size = sum(path.stat().st_size for path in tmp_path.iterdir()) / 1e6
+    measured(
+        f"packages for {part.purpose}: download", f"{part.download} MB", "{size:.0f} MB", size=size
+    )
+    assert 0.9 * part.download <= size <= part.download

@@ -187,7 +187,7 @@ def test_installed_ros_keeps_its_numpy(clone: Path) -> None:
 def test_what_an_extra_needs_is_added_once(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (clone / ".venv").mkdir()
     installed: list[str] = []
-    monkeypatch.setattr(packages, "_install_pins", lambda _, wanted: installed.extend(wanted))
+    monkeypatch.setattr(packages, "_install_pins", lambda _, wanted, __: installed.extend(wanted))
     for _ in range(2):
         packages.install_extra(wheels_machine(clone), "docs")
     assert len([pin for pin in installed if pin.startswith("furo==")]) == 1
@@ -271,6 +271,38 @@ def test_only_what_the_build_reads_asks_for_another_build(
     (tmp_path / change).parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / change).write_text("changed")
     assert workspace.up_to_date(machine) is built
+
+
+@pytest.mark.parametrize("ros_installed", [False, True])
+def test_a_failed_build_says_what_failed_why_and_where_the_log_is(
+    ros_installed: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    log = tmp_path / "log" / "latest_build"
+    (log / "crane_thing").mkdir(parents=True)
+    (log / "events.log").write_text(
+        "[1.0] (crane_other) JobEnded: {'identifier': 'crane_other', 'rc': 0}\n"
+        "[2.0] (crane_third) JobEnded: {'identifier': 'crane_third', 'rc': 'SIGINT'}\n"
+        "[2.0] (crane_thing) JobEnded: {'identifier': 'crane_thing', 'rc': 2}\n"
+    )
+    words = log / "crane_thing" / "stdout_stderr.log"
+    words.write_text("long ago\n" + "no such header\n" * 10)
+
+    def colcon(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+        assert f"-DPYTHON_ONLY={'OFF' if ros_installed else 'ON'}" in command
+        return subprocess.CompletedProcess(command, 1)
+
+    monkeypatch.setattr(workspace.subprocess, "run", colcon)
+    with pytest.raises(SetupError) as caught:
+        workspace.build(Machine(tmp_path, ros_installed))
+    first, *why, remedy, place = str(caught.value).splitlines()
+    assert "crane_thing" in first
+    assert why == ["  no such header"] * 10
+    assert remedy.startswith("try: ")
+    assert place == f"log: {words}"
+    assert "min" in capsys.readouterr().out
 
 
 def test_callers_of_a_changed_function_are_compiled_anew(tmp_path: Path) -> None:
