@@ -1,5 +1,6 @@
 # make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine,
-#              VIEW=1 shows it in a browser meanwhile
+#              VIEW=1 shows it in a browser meanwhile; REALTIME=1 runs it at the pace of a real
+#              crane, with encoders at RATE=200, 100 or 50 Hz
 # make view, make pictures, make tables   large packages that few commands need: the live view
 #              (crane_viewer viewer), the crane drawn (crane_sim film, picture, view), CSV and Parquet
 # make test    all tests
@@ -45,7 +46,8 @@ tables:
 
 demo: $(if $(VIEW),view,setup)
 	@$(in_env) python scripts/demo/demo.py $(if $(SEED),--seed $(SEED)) \
-		$(if $(MACHINE),--machine $(MACHINE)) $(if $(VIEW),--view)
+		$(if $(MACHINE),--machine $(MACHINE)) $(if $(VIEW),--view) \
+		$(if $(REALTIME),--realtime) $(if $(RATE),--rate $(RATE))
 
 study: setup
 	@$(in_env) ros2 run crane_benchmark study
