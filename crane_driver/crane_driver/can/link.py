@@ -39,7 +39,7 @@ class Link:
     `notify` is called by the receiving thread after a cycle or a train of frames, and after each
     fault; it must only wake the taker up. `capacity` bounds the queue; what it cannot hold drops
     the oldest. `cycle` holds the identifiers of the frames that come in every cycle: with the last
-    of them the taker is woken at once.
+    of them the taker is woken at once. Frames that no cycle waits for wake nobody then.
     """
 
     def __init__(
@@ -192,6 +192,8 @@ class Link:
                 self.ignored += 1
             else:
                 self._queue(message, stamp, steady)
+                if self._cycle and message.arbitration_id not in self._cycle:
+                    continue  # no cycle waits for it: it is taken with the next one
                 train = min(train, time.monotonic())
                 lacking.discard(message.arbitration_id)
                 if self._cycle and not lacking:
