@@ -55,6 +55,7 @@ class LockStepDriver(ActiveDriver):
         self._time = 0  # of the newest cycle [ns]
         self._frames: deque[Frame] = deque()
         self._train: list[Frame] = []  # of the cycle that is coming
+        self._joined = False  # whether the frames of a cycle are heard from its first one on
         self._waiting = False  # whether the crane waits for this driver
         self._since = self._stepped = self._asked = self._ticked = time.monotonic()
         self._answered = 0  # stamp of the newest command [ns]
@@ -117,6 +118,9 @@ class LockStepDriver(ActiveDriver):
             frame = self._frames.popleft()
             if (told := told_time(frame, TIME)) is None:
                 self._train.append(frame)
+            elif not self._joined:  # what came before may lack frames; the crane repeats them
+                self._joined = True
+                self._train.clear()
             elif told != self._time:
                 self._time, self._waiting, self._since = told, True, time.monotonic()
                 steady = told / NANOSECONDS
