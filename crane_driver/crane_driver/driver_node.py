@@ -62,9 +62,10 @@ class Driver(LifecycleNode):
         self._lifecycle = "unconfigured"
         hold(self, parameters, lambda: self._lifecycle)
         self._time = NodeTime(self)
-        self._joints = self.create_publisher(JointState, "joint_states", DEPTH)
-        self._pressures = self.create_publisher(CylinderPressures, "cylinder_pressures", DEPTH)
-        self._outputs = self.create_publisher(ValveCommand, "valve_output", DEPTH)
+        depth = self._time.depth
+        self._joints = self.create_publisher(JointState, "joint_states", depth)
+        self._pressures = self.create_publisher(CylinderPressures, "cylinder_pressures", depth)
+        self._outputs = self.create_publisher(ValveCommand, "valve_output", depth)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         self._state = self.create_publisher(DriverState, STATE_TOPIC, LATCHED)

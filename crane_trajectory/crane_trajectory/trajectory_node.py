@@ -82,7 +82,9 @@ class Trajectory(LifecycleNode):
         self._valves = Valves(self, self._time, self._machine.joint_names)
         self._next_watch = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._references = self.create_publisher(JointReference, "joint_reference", DEPTH)
+        self._references = self.create_publisher(
+            JointReference, "joint_reference", self._time.depth
+        )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         self._driver = DriverWatch(self)
         self.create_service(Trigger, "~/save_learnt", self._save_learnt)

@@ -13,7 +13,6 @@ from crane_nodes.publishers import publishers
 from crane_trajectory.trajectory_topics import command_message
 
 TOPIC = "valve_command"
-DEPTH = 10
 
 
 class Valves:
@@ -25,7 +24,7 @@ class Valves:
 
     def open(self) -> None:
         """Be the one who commands the valves."""
-        self._publisher = self._node.create_publisher(ValveCommand, TOPIC, DEPTH)
+        self._publisher = self._node.create_publisher(ValveCommand, TOPIC, self._clock.depth)
 
     def close(self) -> None:
         """Command the valves no more."""

@@ -17,7 +17,8 @@ from crane_nodes.stamps import nanoseconds, stamp_of
 CLOCK_TOPIC = "clock"  # of the namespace: each simulated crane has its own time
 TAKEN_TOPIC = "lock_step"
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-CLOCK = QoSProfile(depth=10)
+REAL_DEPTH, SIMULATED_DEPTH = 10, 1000  # messages
+CLOCK = QoSProfile(depth=SIMULATED_DEPTH)
 TAKEN = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -32,6 +33,8 @@ class NodeTime:
     def __init__(self, node: Node):
         self._node = node
         self.simulated: bool = node.get_parameter("use_sim_time").value is True
+        self.depth = SIMULATED_DEPTH if self.simulated else REAL_DEPTH
+        """Of a publisher, whose messages a process that is starved must not lose."""
         self._heard = time.monotonic()
         self._newest = 0
         if self.simulated:
