@@ -1,25 +1,40 @@
-"""A CANopen encoder of the `canopen` library as a process of its own, which is never late.
+"""A CANopen encoder of the `canopen` library as a process of its own, on simulated time."""
 
-As a thread of the test its heartbeats would stop with the test, which is a true fault.
-"""
-
-from integration.processes import MACHINE_PRIORITY, PATIENCE, start
+from integration.driver_stage import Stage
+from integration.processes import PATIENCE, start
 
 HEARTBEAT_PERIOD = 0x1017  # object: producer heartbeat time
 DEVICE = f"""
-import os, sys
-import canopen
+import sys, threading
+import canopen, rclpy
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 from canopen.objectdictionary.datatypes import UNSIGNED16
 from crane_driver.can.bus import BusSettings, open_bus
-from crane_nodes.scheduling import prefer
-prefer(os.getpid(), {MACHINE_PRIORITY})
+from crane_nodes.executor import KeptExecutor
+from crane_nodes.node_time import NodeTime, Pacing
+rclpy.init(args=sys.argv)
+ros = rclpy.create_node("device")
+clock = NodeTime(ros)
+clock.listen()
+pacing = Pacing(ros, clock, 0.1)
+executor = KeptExecutor()
+executor.add_node(ros)
+class Beat:  # by simulated time, in the place of the timer of the library
+    def __init__(self, identifier, data, period, remote=False):
+        self.identifier, self.data, self.period, self.due = identifier, data, period, clock.now()
+        beats.add(self)
+    def update(self, data):
+        self.data = data
+    def stop(self):
+        beats.discard(self)
+beats = set()
 dictionary = ObjectDictionary()
 period = ODVariable("Producer heartbeat time", {HEARTBEAT_PERIOD})
 period.data_type, period.default = UNSIGNED16, 0
 dictionary.add_object(period)
 network = canopen.Network(open_bus(BusSettings(extra={{"port": int(sys.argv[1])}})))
 network.connect()
+network.send_periodic = Beat
 node = network.create_node(int(sys.argv[2]), dictionary)
 def boot():
     node.sdo[{HEARTBEAT_PERIOD}].raw = 0
@@ -34,18 +49,30 @@ def report_emergency():
     node.emcy.reset()
 def tell():
     print(node.nmt.state, node.sdo[{HEARTBEAT_PERIOD}].raw, flush=True)
-for line in sys.stdin:
-    globals()[line.strip()]()
+def obey():
+    for line in sys.stdin:
+        globals()[line.strip()]()
+    ended.set()
+ended = threading.Event()
+threading.Thread(target=obey, daemon=True).start()
+while not ended.is_set():
+    executor.spin_once(timeout_sec=0.1)
+    for beat in list(beats):
+        if clock.now() >= beat.due:
+            network.send_message(beat.identifier, beat.data)
+            beat.due += beat.period
+    pacing.taken()
 node.nmt.stop_heartbeat()
 network.disconnect()
+rclpy.shutdown()
 """
 
 
 class CanopenDevice:
     """It makes heartbeats only when it is told to, as they come from the factory."""
 
-    def __init__(self, port: int, number: int):
-        self._process = start(DEVICE, str(port), str(number))
+    def __init__(self, stage: Stage, number: int):
+        self._process = start(DEVICE, str(stage.port), str(number), *stage.ros())
 
     def boot(self) -> None:
         self._do("boot")

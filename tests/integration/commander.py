@@ -2,16 +2,16 @@
 
 import json
 
-from integration.processes import CONTROLLER_PRIORITY, PATIENCE, start
+from integration.processes import PATIENCE, start
 
-COMMANDER = f"""
-import json, os, sys, threading, time, rclpy
-from rclpy.node import Node
-from crane_nodes.scheduling import prefer
+COMMANDER = """
+import json, sys, threading, rclpy
+from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock
 from crane_interfaces.msg import ValveCommand
-prefer(os.getpid(), {CONTROLLER_PRIORITY})
-command = {{}}
-done = threading.Event()
+from crane_nodes.executor import KeptExecutor
+from crane_nodes.node_time import CLOCK_TOPIC, NEWEST, NodeTime
+command, paused, done = {}, False, threading.Event()
 def read():
     global command
     for line in sys.stdin:
@@ -19,21 +19,38 @@ def read():
     done.set()
 threading.Thread(target=read, daemon=True).start()
 rclpy.init(args=sys.argv)
-node = Node("commander")
+node = rclpy.create_node("commander")
+clock = NodeTime(node)
 publisher = node.create_publisher(ValveCommand, "valve_command", 10)
-while not done.is_set():
+message = ValveCommand()
+def publish():
+    global message, paused
     now = command
     if now is not None:
         message = ValveCommand(name=list(now), command=[float(v) for v in now.values()])
-        message.header.stamp = node.get_clock().now().to_msg()
+        message.header.stamp = clock.stamp()
+    elif not paused:
+        message.header.stamp = Time()  # answers no cycle: the driver waits for no further command
+    if now is not None or not paused:
         publisher.publish(message)
-    time.sleep(0.01)
+    paused = now is None
+def tick(message):
+    clock.tell(message)
+    publish()
+if clock.simulated:
+    node.create_subscription(Clock, CLOCK_TOPIC, tick, NEWEST)
+else:
+    node.create_timer(0.01, publish)
+executor = KeptExecutor()
+executor.add_node(node)
+while not done.is_set():
+    executor.spin_once(timeout_sec=0.1)
 rclpy.shutdown()
 """
 
 
 class Commander:
-    """A process that publishes commands at 100 Hz."""
+    """A process that publishes commands: one for each cycle of simulated time, or at 100 Hz."""
 
     def __init__(self, *arguments: str) -> None:
         self.process = start(COMMANDER, *arguments)
@@ -43,7 +60,7 @@ class Commander:
         self._tell(commands)
 
     def pause(self) -> None:
-        """Stay there as a publisher, but publish nothing."""
+        """Stay there as a publisher, but publish nothing; simulated time goes on."""
         self._tell(None)
 
     def end(self) -> None:

@@ -1,6 +1,12 @@
-"""Simulated crane and driver as processes; the test watches their bus and their topics."""
+"""Simulated crane and driver as processes; the test watches their bus and their topics.
+
+They run on simulated time, which waits for the test: the crane goes no further than `AHEAD` beyond
+what the test has taken. So a test must `spin` while it waits for anything that takes time.
+"""
 
 import os
+import signal
+import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,10 +17,19 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from integration.commander import Commander
 from integration.matched import wait_until_heard
-from integration.patient_files import patient_mapping
-from integration.processes import DRIVER, MACHINE, PATIENCE, end, free_port, start
-from rclpy.executors import SingleThreadedExecutor
+from integration.patient_files import mapping_file, patient_safety
+from integration.processes import (
+    DRIVER,
+    MACHINE,
+    PATIENCE,
+    SIMULATED_TIME,
+    URGENT_MACHINE,
+    end,
+    free_port,
+    start,
+)
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -25,14 +40,18 @@ from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
+from crane_driver.can.simulated_time import STEP, TIME, told_time
 from crane_interfaces.msg import CylinderPressures
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
+from crane_nodes.executor import KeptExecutor
+from crane_nodes.node_time import CLOCK_TOPIC, NodeTime, Pacing
 from crane_nodes.polled import Polled
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-DEEP = QoSProfile(depth=2000)  # messages, while a busy test machine does not take them
-FRAMES = 50_000  # of the bus, for the same reason: 40 s of them
+DEEP = QoSProfile(depth=2000)  # messages, that the test has not taken yet
+FRAMES = 50_000  # of the bus, for the same reason
+AHEAD = 0.05  # s
 SERVICES = ("enable", "disable", "emergency_stop", "reset_fault")
 
 
@@ -44,8 +63,7 @@ def made(message: Any) -> float:
 class Valves(NamedTuple):
     """One valve frame on the bus."""
 
-    steady: float  # s
-    stamp: int  # ns
+    steady: float  # s: simulated time, or the steady clock
     commands: dict[str, float]
     enabled: bool
 
@@ -58,43 +76,66 @@ class Stage:
         folder: Path,
         pose: list[str],
         canopen: Mapping[str, object] = {},
-        safety: str = "",
         driver: str = DRIVER,
         namespace: str = "",
         machine: str = DEFAULT_MACHINE,
         operator: bool = False,
         plant: Path | None = None,
+        simulation: str = MACHINE,
+        real_time: bool = False,
+        awaited: bool = True,
     ):
-        path = self.mapping = patient_mapping(folder, canopen, machine)
+        """The machine's own limits hold in simulated time, those of a patient driver in real time.
+
+        Unless the test is `awaited`, simulated time goes on without it.
+        """
+        self.simulated = not real_time
+        path = mapping_file(folder, machine, canopen, patient=real_time)
         port = self.port = free_port()
         self.layout = load_layout(load_machine(machine), path, machine_file("can.dbc", machine))
         self.codec = MachineCodec(self.layout)
         self._reader = DriverCodec(self.layout)
         self.link = Link(BusSettings(extra={"port": port}), capacity=FRAMES).open()
-        posed = [*(["--operator"] if operator else []), *(["--pose", *pose] if pose else [])]
-        posed += ["--plant", str(plant)] if plant else []
-        self.machine = start(MACHINE, "--machine", machine, "--bus-option", f"port={port}", *posed)
-        options = {"bus.options": f"port={port}", "mapping": str(path), "safety": f"'{safety}'"}
-        options["machine"] = machine
-        parameters = [one for name, value in options.items() for one in ("-p", f"{name}:={value}")]
-        self.remapping = ["-r", f"__ns:=/{namespace}"] if namespace else []
-        self.arguments = ["--ros-args", *self.remapping, *parameters]
+        given = ["--machine", machine, "--bus-option", f"port={port}"]
+        given += ["--operator"] if operator else []
+        given += ["--pose", *pose] if pose else []
+        given += ["--plant", str(plant)] if plant else []
+        given += ["--lock-step"] if self.simulated else []
+        self.machine = start(simulation if self.simulated else URGENT_MACHINE, *given)
+        options = {"bus.options": f"port={port}", "mapping": str(path), "machine": machine}
+        if real_time:
+            options["safety"] = patient_safety(folder, machine)
+        self._remapping = []
+        if namespace:  # of several cranes, each has a time of its own
+            clock = f"/{namespace}{CLOCK_TOPIC}"
+            self._remapping = ["-r", f"__ns:=/{namespace}", "-r", f"{CLOCK_TOPIC}:={clock}"]
+        self.arguments = self.ros(**options)
         self.driver = start(driver, *self.arguments)
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
-        self.node = Node("watcher", context=self.context, namespace=namespace)
+        self.node = Node(
+            "watcher",
+            context=self.context,
+            cli_args=["--ros-args", *self._remapping],
+            parameter_overrides=[Parameter("use_sim_time", value=self.simulated)],
+        )
+        self._clock = NodeTime(self.node)
+        self._clock.listen()
+        self._pacing = Pacing(self.node, self._clock, AHEAD)
+        if not awaited:
+            self._pacing.close()
         self._safety = f"{namespace}/driver: safety".lstrip("/")
-        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor = KeptExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._clients = {
             name: self.node.create_client(Trigger, f"driver/{name}") for name in SERVICES
         }
+        self.time = 0.0  # s, of the newest cycle on the bus
         self.states: list[JointState] = []
         self.pressures: list[CylinderPressures] = []
         self.diagnostics: dict[str, tuple[bytes, str, dict[str, str]]] = {}
-        self.reported = 0  # ns, when the driver made its last report
+        self.reported = 0.0  # s, when the driver made its last report
         self.encoders: dict[str, float] = {}  # rad, m: as the machine sends them
-        self.encoded: dict[str, float] = {}  # s, steady: when they came
         self.frames: list[Frame] = []  # of the machine
         self.machine_state = ""  # what the valve unit says of itself
         self.valves: list[Valves] = []
@@ -113,6 +154,18 @@ class Stage:
         except AssertionError:
             self.close()  # a driver that is left behind talks into the tests to come
             raise
+
+    def ros(self, *arguments: str, **parameters: object) -> list[str]:
+        """ROS arguments of a node beside this driver."""
+        given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+        clock = SIMULATED_TIME if self.simulated else ()
+        return ["--ros-args", *self._remapping, *clock, *given, *arguments]
+
+    @property
+    def now(self) -> float:
+        """A time [s] after every stamp that was given before this call."""
+        stamp = self._clock.stamp()
+        return stamp.sec + 1e-9 * stamp.nanosec + (AHEAD if self.simulated else 0.0)
 
     def listen(self, kind: type[Any], topic: str, told: Callable[[Any], object]) -> None:
         """Tell of every message. They come from the queue: through the executor, those of a crane
@@ -136,6 +189,7 @@ class Stage:
         wait_until_heard(self.node, "driver", self.until)
 
     def close(self) -> None:
+        self._pacing.close()
         for process in (self.driver, self.machine):
             end(process)
         self.link.close()
@@ -150,11 +204,15 @@ class Stage:
             assert time.monotonic() < deadline, f"waited in vain; {self.diagnostics}"
             self.spin()
 
+    def end(self, process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:
+        """End a process that may need time to bring the crane to rest; its exit status."""
+        process.send_signal(number)
+        self.until(lambda: process.poll() is not None)
+        return end(process)
+
     def measured(self, condition: Callable[[JointState], bool] = lambda state: True) -> JointState:
-        """A joint state made after this call for which the condition holds; the newest one of a
-        busy test machine may have been taken seconds ago.
-        """
-        called = time.time()
+        """A joint state made after this call for which the condition holds."""
+        called = self.now
         self.until(lambda: made(self.states[-1]) > called and condition(self.states[-1]))
         return self.states[-1]
 
@@ -164,21 +222,22 @@ class Stage:
             for message, _ in topic.take():
                 told(message)
         for frame in self.link.take():
-            readings = self.codec.decode(frame)
-            if readings is None:
-                self.frames.append(frame)
-                answer = self._reader.decode(frame)
-                positions = answer.positions if answer else {}
-                self.encoders |= positions
-                self.encoded |= dict.fromkeys(positions, frame.steady)
-                if answer and answer.states:
-                    self.machine_state = answer.states["valve_unit"]
-            elif readings.commands:
-                self.valves.append(
-                    Valves(
-                        readings.steady, readings.stamp, readings.commands, bool(readings.enabled)
-                    )
-                )
+            if (told := told_time(frame, TIME)) is not None:
+                self.time = told * 1e-9
+            elif told_time(frame, STEP) is None:
+                self._seen(frame, self.time if self.simulated else frame.steady)
+        self._pacing.taken()
+
+    def _seen(self, frame: Frame, steady: float) -> None:
+        readings = self.codec.decode(frame)
+        if readings is None:
+            self.frames.append(frame)
+            answer = self._reader.decode(frame)
+            self.encoders |= answer.positions if answer else {}
+            if answer and answer.states:
+                self.machine_state = answer.states["valve_unit"]
+        elif readings.commands:
+            self.valves.append(Valves(steady, readings.commands, bool(readings.enabled)))
 
     def call(self, service: str) -> tuple[bool, str]:
         future = self._clients[service].call_async(Trigger.Request())
@@ -194,7 +253,7 @@ class Stage:
 
     def report(self) -> tuple[str, dict[str, str]]:
         """What a report on safety says that was made after this call."""
-        called = time.time_ns()
+        called = self.now
         self.until(lambda: self.reported > called)
         return self.safety
 
@@ -211,69 +270,35 @@ class Stage:
         return self
 
     def enabled(self) -> Self:
-        """Enabled, with a publisher of neutral commands."""
-
-        def tried() -> bool:
-            self.disabled()
-            enabled, _ = self.call("enable")  # refused until the neutral commands have arrived
-            return enabled and self.within(lambda: self.valves[-1].enabled, 1.0)
-
-        self.until(tried)
+        """Enabled, with a publisher of neutral commands or none."""
+        self.disabled()
+        self.until(lambda: self.call("enable")[0])  # refused until neutral commands have come
+        self.until(lambda: self.valves[-1].enabled)
         return self
-
-    def heard(self, commander: Commander, **commands: float) -> None:
-        """The driver hears these commands, which are not neutral: that is why it is not enabled."""
-        commander.send(**commands)
-
-        def refused() -> bool:
-            self.disabled()
-            enabled, why = self.call("enable")
-            return not enabled and "command neutral first" in why
-
-        self.until(refused)
 
     def moving(self, commander: Commander, **commands: float) -> Self:
         """Enabled, and the commands at the valves, from where limits may hold them back."""
+        commander.send(**dict.fromkeys(commands, 0.0))
+        self.enabled()
+        since = len(self.valves)
+        commander.send(**commands)
 
-        def arrived(since: int) -> bool:
-            return any(
-                one.enabled
-                and all(
-                    abs(one.commands[joint] - value) < 1e-3 for joint, value in commands.items()
-                )
-                for one in self.valves[since:]
-            )
+        def arrived(sent: Valves) -> bool:
+            return all(abs(sent.commands[name] - value) < 1e-3 for name, value in commands.items())
 
-        def tried() -> bool:
-            self.heard(commander, **commands)  # else it may be enabled before neutral ones come
-            commander.send(**dict.fromkeys(commands, 0.0))
-            self.enabled()
-            since = len(self.valves)
-            commander.send(**commands)
-            self.within(lambda: arrived(since) or not self.valves[-1].enabled)
-            return arrived(since)
-
-        self.until(tried)  # again after a true fault, as a busy test machine makes them
+        self.until(lambda: any(map(arrived, self.valves[since:])))
         return self
 
     def moved(self, commander: Commander, there: Callable[[], bool], **commands: float) -> Self:
-        """The commands at the valves until the crane is there, however often a true fault stops it,
-        as a busy test machine makes them.
-        """
-
-        def tried() -> bool:
-            self.moving(commander, **commands)
-            self.until(lambda: there() or not self.valves[-1].enabled)
-            return there()
-
-        self.until(tried)
+        """The commands at the valves until the crane is there."""
+        self.moving(commander, **commands)
+        self.until(there)
         return self
 
     def within(self, condition: Callable[[], bool], seconds: float = 5.0) -> bool:
-        """Whether a condition comes to hold within a time."""
-        deadline = time.monotonic() + seconds
-        while not condition() and time.monotonic() < deadline:
-            self.spin()
+        """Whether a condition comes to hold within a time of the crane."""
+        end = self.now + seconds
+        self.until(lambda: condition() or self.now > end)
         return condition()
 
     def _diagnosed(self, message: DiagnosticArray) -> None:
@@ -281,14 +306,13 @@ class Stage:
             values = {pair.key: pair.value for pair in one.values}
             self.diagnostics[one.name] = (one.level, one.message, values)
             if one.name == self._safety:
-                stamp = message.header.stamp
-                self.reported = stamp.sec * 10**9 + stamp.nanosec
+                self.reported = made(message)
 
 
 @contextmanager
 def commander(stage: Stage) -> Iterator[Commander]:
     """A publisher of commands, and none after it."""
-    process = Commander("--ros-args", *stage.remapping)
+    process = Commander(*stage.ros())
     try:
         stage.until(lambda: stage.node.count_publishers("valve_command") == 1)
         yield process

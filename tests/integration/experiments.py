@@ -1,7 +1,6 @@
 """The trajectory node as a process over driver and simulated crane, and what it says."""
 
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -10,7 +9,7 @@ import numpy as np
 import yaml
 from integration.driver_stage import Stage, made
 from integration.matched import wait_until_heard
-from integration.processes import COMMAND_TIMEOUT, CONTROLLER_PRIORITY, URGENT, start
+from integration.processes import RUN, start
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -23,9 +22,8 @@ from crane_interfaces.msg import JointReference, ValveCommand
 from crane_trajectory.experiment import Outcome
 
 Feedback = RunExcitation.Impl.FeedbackMessage
-TRAJECTORY = URGENT.format(module="crane_trajectory.trajectory_node", priority=CONTROLLER_PRIORITY)
+TRAJECTORY = RUN.format(module="crane_trajectory.trajectory_node")
 PERIOD = 5.0  # s
-TIMEOUT = COMMAND_TIMEOUT / 2  # s
 SHORT = {
     "name": "short",
     "period": PERIOD,
@@ -36,9 +34,7 @@ SHORT = {
     },
 }
 MOVING = 0.03  # rad/s, m/s
-TRIES = 6
-LONG = 10  # periods, so that a goal does not end by itself while a busy test machine is late
-NEXT = 0.0075  # s, by which commands of the next cycle follow
+LONG = 10  # periods, so that a goal does not end by itself
 
 
 class Experiments:
@@ -73,12 +69,13 @@ class Experiments:
         self.begin()
 
     def begin(self) -> None:
-        own = "--ros-args", "-p", f"states_timeout:={TIMEOUT}"
-        self.process = start(self._program, *own, *self.arguments)
+        self.process = start(self._program, *self.stage.ros(*self.arguments))
         for ready in (self.action.server_is_ready, self._set.service_is_ready):
             self.stage.until(ready)
         self.stage.until(self._change.service_is_ready)
         wait_until_heard(self.stage.node, "/trajectory", self.stage.until)
+        self.stage.disabled()
+        self.stage.until(lambda: "the driver is disabled" in self.refused().message)  # it hears it
 
     def send(self, file: Path | None = None, periods: int = 1) -> Any:
         """A goal; its handle. `feedback` is that of the newest goal."""
@@ -102,22 +99,18 @@ class Experiments:
     def ended(
         self, outcome: Outcome, file: Path | None = None, periods: int = 1
     ) -> RunExcitation.Result:
-        """The result of a goal that ends so, and alone in `commands` and `references`; others end
-        by true faults, which a busy test machine makes.
-        """
-        for _ in range(TRIES):
-            self.stage.enabled()
-            self.commands.clear()
-            self.references.clear()
-            result = self.result(self.send(file, periods))
-            if result.outcome == outcome:
-                return result
-        raise AssertionError(f"{Outcome(result.outcome).name}: {result.message}")
+        """The result of a goal that ends so, and alone in `commands` and `references`."""
+        self.stage.enabled()
+        self.commands.clear()
+        self.references.clear()
+        result = self.result(self.send(file, periods))
+        assert result.outcome == outcome, f"{Outcome(result.outcome).name}: {result.message}"
+        return result
 
     def refused(self, file: Path | None = None, periods: int = 1) -> RunExcitation.Result:
         """The result of a goal that must not move anything, however long it takes to be refused."""
         self.stage.spin()  # takes what was sent before
-        since, asked = len(self.stage.valves), time.time()
+        since, asked = len(self.stage.valves), self.stage.now
         result = self.result(self.send(file, periods))
         assert not any(any(one.commands.values()) for one in self.stage.valves[since:])
         assert not any(np.any(one.command) for one in self.commands if made(one) > asked)
@@ -125,28 +118,15 @@ class Experiments:
 
     def moving(self) -> Any:
         """The handle of a goal under which the crane moves."""
-        for _ in range(5):  # a test machine that is too busy makes true faults
-            self.stage.enabled()
-            handle = self.send(periods=LONG)
-            accepted, ending = time.time(), handle.get_result_async()
-
-            def moves(accepted: float = accepted) -> bool:
-                """By a state made since; the crane may have moved before."""
-                return made(self.stage.states[-1]) > accepted and self.speed() > MOVING
-
-            self.stage.until(lambda ending=ending, moves=moves: ending.done() or moves())
-            if not ending.done():
-                return handle
-        raise AssertionError("the crane does not move")
+        self.stage.enabled()
+        handle = self.send(periods=LONG)
+        self.stage.measured(lambda _: self.speed() > MOVING)
+        return handle
 
     def largest_step(self) -> float:
-        """Of a command from cycle to cycle; those that come late, or after one that is lost, may
-        have changed by more.
-        """
-        follows = np.diff([made(one) for one in self.commands]) < NEXT
-        assert np.count_nonzero(follows) > 0.5 * len(follows), "most are on time"
+        """Of a command from cycle to cycle."""
         moving = np.array([one.command for one in self.commands])
-        return float(np.abs(np.diff(moving, axis=0))[follows].max())
+        return float(np.abs(np.diff(moving, axis=0)).max())
 
     def speed(self) -> float:
         return float(np.abs(self.stage.states[-1].velocity).max())
@@ -158,7 +138,7 @@ class Experiments:
     def holds_still(self) -> None:
         """No publisher of commands; then, for half a second, nothing moves or creeps."""
         self.stage.until(lambda: self.stage.node.count_publishers("/valve_command") == 0)
-        gone = time.time()  # a busy test machine takes states that were made long before
+        gone = self.stage.now
 
         def still() -> bool:
             last = self.stage.states[-100:]

@@ -1,15 +1,11 @@
 """A crane that turns, ways to make faults while it does, and what is to be seen then."""
 
-import json
-import os
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+import re
 from itertools import pairwise
 
 from integration.commander import Commander
 from integration.driver_stage import Stage, Valves
-from integration.processes import MACHINE_PRIORITY, end, start
+from integration.processes import MACHINE
 
 from crane_driver.can.frame import Frame
 
@@ -33,40 +29,19 @@ from crane_driver.driver_node import main
 sys.exit(main(sys.argv[1:]))
 """
 
-# A machine whose encoders are frozen. It accepts commands until a line comes to its standard input.
-PLAYED = f"""
-import json, os, sys, threading, time
-from pathlib import Path
-from crane_driver.can.binding import load_layout
-from crane_driver.can.bus import BusSettings
-from crane_driver.can.codec import MachineCodec
-from crane_driver.can.link import Link
-from crane_nodes.scheduling import prefer
-from crane_model.machine import load_machine
-from crane_model.machine_files import machine_file
-mapping, port, positions = Path(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
-layout = load_layout(load_machine(), mapping, machine_file("can.dbc"))
-codec = MachineCodec(layout)
-pressures = dict.fromkeys(layout.pressures, 1e6)
-accepted, well = {{}}, {{"valve_unit": "Enabled"}}
-deaf = threading.Event()
-def listen():
-    sys.stdin.readline()
-    deaf.set()
-threading.Thread(target=listen, daemon=True).start()
-prefer(os.getpid(), {MACHINE_PRIORITY})
-with Link(BusSettings(extra={{"port": port}})) as link:
-    cycle, due = min(codec.cycles.values()), time.monotonic()
-    print("begins", flush=True)
-    while True:
-        time.sleep(max(0.0, due - time.monotonic()))
-        due += cycle  # by an even clock, as devices have
-        for frame in link.take():
-            command = codec.decode(frame)
-            if command and command.counter is not None and not deaf.is_set():
-                accepted[command.message] = command.counter
-        for name in codec.cycles:
-            link.send(codec.reading_frame(name, positions, pressures, well, accepted=accepted))
+# A machine whose valve unit gives back no counter of a command; SIGUSR1 begins and ends that.
+DEAF_MACHINE = f"""
+import signal
+from crane_sim.bus.valve_unit import ValveUnit
+receive, deaf = ValveUnit.receive, []
+signal.signal(signal.SIGUSR1, lambda number, _: deaf.pop() if deaf else deaf.append(number))
+def half_deaf(unit, frame):
+    accepted = dict(unit.accepted)
+    receive(unit, frame)
+    if deaf:
+        unit.accepted = accepted
+ValveUnit.receive = half_deaf
+{MACHINE}
 """
 
 
@@ -79,8 +54,7 @@ def swing(stage: Stage, hand: Commander, opening: float = 0.5) -> None:
 def ramped(stage: Stage, since: int, joint: str = "slew") -> list[Valves]:
     """Wait until the valves are closed; assert that they closed by a ramp, and stay closed.
 
-    The ramp is what follows the last rise: while a busy test machine kept this process from acting,
-    the limits may have held the crane back and let it go.
+    The ramp is what follows the last rise: limits may have held the crane back and let it go.
     """
     stage.until(lambda: not stage.valves[-1].enabled)
     closed = len(stage.valves)
@@ -97,6 +71,13 @@ def ramped(stage: Stage, since: int, joint: str = "slew") -> list[Valves]:
     return frames
 
 
+def seconds_told(pattern: str, said: str) -> float:
+    """The time [s] that a fault tells in milliseconds."""
+    found = re.search(pattern, said)
+    assert found, said
+    return float(found[1]) * 1e-3
+
+
 def fault(stage: Stage, name: str) -> str:
     """The text of the fault `name`, which must be latched."""
     stage.until(lambda: name in stage.safety[1])
@@ -105,33 +86,12 @@ def fault(stage: Stage, name: str) -> str:
     return values[name]
 
 
-class Played:
-    """A machine that stands still, as a process that is never late."""
-
-    def __init__(self, stage: Stage):
-        state = stage.states[-1]
-        positions = dict(zip(state.name, state.position, strict=True))
-        self.process = start(PLAYED, str(stage.mapping), str(stage.port), json.dumps(positions))
-        assert self.process.stdout
-        assert self.process.stdout.readline()  # it has begun
-
-    def ignore_commands(self) -> None:
-        """Accept no more of them at the valves."""
-        assert self.process.stdin
-        self.process.stdin.write("\n")
-        self.process.stdin.flush()
-
-
-@contextmanager
-def played(stage: Stage) -> Iterator[Played]:
-    """A machine in the place of the simulated one."""
-    os.kill(stage.machine.pid, signal.SIGSTOP)
-    one = Played(stage)
-    try:
-        yield one
-    finally:
-        end(one.process)
-        os.kill(stage.machine.pid, signal.SIGCONT)
+def operate(stage: Stage, line: str) -> None:
+    """Make or mend a fault at the simulated crane, which must have an operator."""
+    assert stage.machine.stdin and stage.machine.stdout
+    stage.machine.stdin.write(f"{line}\n")
+    stage.machine.stdin.flush()
+    next(said for said in stage.machine.stdout if said.startswith(("fault: ", "mended: ")))
 
 
 def encoder_frame(stage: Stage) -> Frame:

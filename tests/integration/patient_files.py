@@ -1,4 +1,4 @@
-"""Files of a machine with the patience that a busy test machine needs."""
+"""Files of a machine for a driver in real time, with the patience that a busy computer needs."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,20 +9,22 @@ from integration.processes import COMMAND_TIMEOUT, TIMING
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 
 
-def patient_mapping(
-    folder: Path, canopen: Mapping[str, object] = {}, machine: str = DEFAULT_MACHINE
+def mapping_file(
+    folder: Path,
+    machine: str = DEFAULT_MACHINE,
+    canopen: Mapping[str, object] = {},
+    patient: bool = True,
 ) -> Path:
-    """The machine's mapping with the patience that a busy test machine needs."""
+    """The machine's mapping with CANopen devices and, if it is patient, later frames."""
     mapping = yaml.safe_load(machine_file("can.yaml", machine).read_text())
+    mapping |= {"canopen": dict(canopen)} | ({"timing": TIMING} if patient else {})
     path = folder / "mapping.yaml"
-    path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
+    path.write_text(yaml.safe_dump(mapping))
     return path
 
 
 def patient_safety(folder: Path, machine: str = DEFAULT_MACHINE) -> str:
-    """The machine's safety.yaml with a driver that waits longer for commands: a busy test machine
-    is late by itself.
-    """
+    """The machine's safety.yaml with a driver that waits longer for commands."""
     settings = yaml.safe_load(machine_file("safety.yaml", machine).read_text())
     path = folder / "safety.yaml"
     path.write_text(yaml.safe_dump(settings | {"command_timeout": COMMAND_TIMEOUT}))

@@ -7,15 +7,15 @@ import subprocess
 import sys
 
 PATIENCE = 120.0  # s, bounds a failing test; a passing one ends with its condition
-# A busy test machine is late by itself: here frames may come much later than on a real bus.
+# For tests in real time, which a busy computer delays: limits of the driver on frames and commands.
 TIMING = {"late": 200, "missing": 300, "lost": 2}
-COMMAND_TIMEOUT = 0.6  # s, of the driver, for the same reason
+COMMAND_TIMEOUT = 0.6  # s
 
-# Of SCHED_FIFO, where that is permitted; the driver's is 50. A machine is never late.
+# Of SCHED_FIFO, in real time, where that is permitted; the driver's is 50.
 MACHINE_PRIORITY, CONTROLLER_PRIORITY = 60, 40
 
 RUN = "import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"
-# Once it is imported, which takes a second: until then it would hold up a crane that moves.
+# The process gets its priority when it is imported: an import would hold up a crane that moves.
 URGENT = """
 import os, sys
 from crane_nodes.scheduling import prefer
@@ -23,8 +23,12 @@ from {module} import main
 prefer(os.getpid(), {priority})
 sys.exit(main(sys.argv[1:]))
 """
+# Precedes a program whose simulated time soon goes on without a process that was stopped.
+IMPATIENT = "import crane_nodes.scheduling; crane_nodes.scheduling.PATIENCE_S = 5.0\n"
 DRIVER = RUN.format(module="crane_driver.driver_node")
-MACHINE = URGENT.format(module="crane_sim.bus.simulated_crane", priority=MACHINE_PRIORITY)
+MACHINE = RUN.format(module="crane_sim.bus.simulated_crane")
+URGENT_MACHINE = URGENT.format(module="crane_sim.bus.simulated_crane", priority=MACHINE_PRIORITY)
+SIMULATED_TIME = ("-p", "use_sim_time:=true")
 
 
 def free_port() -> int:

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 import yaml
 from integration.driver_stage import Stage
-from integration.experiments import PERIOD, TIMEOUT, Experiments, made
-from integration.processes import end
+from integration.experiments import PERIOD, Experiments
 
 from crane_model.machine import load_machine
-from crane_model.machine_files import machine_file
 from crane_trajectory.experiment import Outcome
 
 NAME = "excavator"
@@ -24,19 +22,15 @@ DIG = {
         "bucket": {"offset": -0.6, "sine": [0.12], "cosine": [-0.05]},
     },
 }
-pytestmark = pytest.mark.realtime
 
 
 @pytest.fixture(scope="module")
 def excavator(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Experiments]:
     folder = tmp_path_factory.mktemp("excavator")
-    settings = yaml.safe_load(machine_file("safety.yaml", NAME).read_text())
-    safety = folder / "safety.yaml"
-    safety.write_text(yaml.safe_dump(settings | {"command_timeout": 2 * TIMEOUT}))
-    stage = Stage(folder, [], safety=str(safety), machine=NAME)
+    stage = Stage(folder, [], machine=NAME)
     one = Experiments(stage, folder, "-p", f"machine:={NAME}", trajectory=DIG)
     yield one
-    end(one.process)
+    stage.end(one.process)
     stage.close()
 
 
@@ -44,9 +38,9 @@ def test_it_follows_a_trajectory_of_its_joints(excavator: Experiments) -> None:
     machine, stage = load_machine(NAME), excavator.stage
     assert tuple(stage.states[-1].name) == machine.joint_names
     assert tuple(stage.pressures[-1].name) == machine.joint_names  # the motor's, too
+    begun = len(stage.states)
     result = excavator.ended(Outcome.COMPLETED)
-    begun = made(excavator.references[0])
-    states = [one for one in stage.states if made(one) >= begun]  # of no goal that faults ended
+    states = stage.states[begun:]
     assert tuple(result.name) == machine.joint_names
     assert (np.array(result.rms_tracking_error) < 0.1).all()
     positions = np.array([one.position for one in states])

@@ -8,8 +8,6 @@ from integration.commander import Commander
 from integration.driver_stage import Stage, commander
 from integration.faults import swing
 
-pytestmark = pytest.mark.realtime
-
 NODE, NAME = 5, "boom_encoder"
 DEVICES = {NAME: {"id": NODE, "heartbeat_timeout": 1.0, "heartbeat_period": 0.1,
                   "emergency": "fault"}}  # fmt: skip
@@ -24,7 +22,7 @@ def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 @pytest.fixture(scope="module")
 def encoder(stage: Stage) -> Iterator[CanopenDevice]:
-    device = CanopenDevice(stage.port, NODE)
+    device = CanopenDevice(stage, NODE)
     yield device
     device.close()
 

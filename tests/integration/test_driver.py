@@ -1,33 +1,28 @@
-"""The running driver: its topics, its life cycle, and how long a loop over it takes."""
+"""The running driver: its topics, its life cycle, and the cycle that a command reaches."""
 
 import math
 import signal
-import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from integration.driver_stage import Stage, made
-from integration.patient_files import patient_safety
 from integration.processes import DRIVER, PATIENCE, free_port, start
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from sensor_msgs.msg import JointState
 
 from crane_interfaces.msg import ValveCommand
 
-pytestmark = pytest.mark.realtime
-
 STEP = 0.0005  # of the spool signal
-VALUES = 99  # neutral commands that can be told apart
-LOOPS = 400
+LOOPS = 90  # neutral commands that can be told apart
 
 
 @pytest.fixture(scope="module")
 def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    folder = tmp_path_factory.mktemp("driver")
-    one = Stage(folder, ["telescope=0.7", "slew=-0.25"], safety=patient_safety(folder))
+    one = Stage(tmp_path_factory.mktemp("driver"), ["telescope=0.7", "slew=-0.25"])
     yield one
     one.close()
 
@@ -46,14 +41,11 @@ def test_topics_hold_what_the_machine_measures(stage: Stage) -> None:
     assert min(pressures.chamber_a[0], pressures.supply) > 1e5
 
 
-def test_stamps_are_those_of_reception_and_rise(stage: Stage) -> None:
+def test_stamps_are_those_of_the_cycles(stage: Stage) -> None:
     first = len(stage.states)
     stage.until(lambda: len(stage.states) > first + 200)
-    assert made(stage.measured()) <= time.time()
-    stamps = [made(one) for one in stage.states]
-    steps = np.diff(stamps[first:])
-    assert (steps > 0).all()
-    assert np.median(steps) == pytest.approx(0.005, abs=0.001)
+    stamps = [made(one) for one in stage.states[first:]]
+    assert np.diff(stamps) == pytest.approx(0.005)
 
 
 def test_the_urdf_comes_to_whoever_asks_late(stage: Stage) -> None:
@@ -96,42 +88,27 @@ def test_the_driver_can_be_taken_down_and_up_again(stage: Stage) -> None:
     stage.disabled()
 
 
-def test_a_command_reaches_the_valves_soon_after_the_encoders(
-    stage: Stage, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """From reception of the encoder frame by the driver to the valve frame on the bus."""
+def test_a_command_reaches_the_valves_in_the_cycle_that_it_answers(stage: Stage) -> None:
     publisher = stage.node.create_publisher(ValveCommand, "/valve_command", 10)
     stage.until(lambda: publisher.get_subscription_count() == 1)
-    sent: dict[int, int] = {}  # value: stamp of the joint state that it answers
-    latencies: list[float] = []
-    states = len(stage.states)
-    valves = len(stage.valves)
-    count = 0
+    sent: dict[int, float] = {}  # by value, the time of the joint state that it answers
 
-    def closed() -> bool:
-        nonlocal states, valves, count
-        for state in stage.states[states:][-1:]:  # the newest, as a controller would
-            count = count % VALUES + 1
-            sent[count] = state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
-            publisher.publish(ValveCommand(name=["slew"], command=[count * STEP]))
-        for frame in stage.valves[valves:]:
-            value = round(frame.commands["slew"] / STEP)
-            if value in sent:  # the first frame with it
-                latencies.append((frame.stamp - sent.pop(value)) * 1e-6)
-        states, valves = len(stage.states), len(stage.valves)
-        return len(latencies) >= LOOPS
+    def answer(state: JointState) -> None:
+        if len(sent) == LOOPS:
+            return
+        if stage.valves[-1].enabled:
+            sent[len(sent) + 1] = made(state)
+        command = ValveCommand(name=["slew"], command=[len(sent) * STEP])
+        command.header.stamp = state.header.stamp
+        publisher.publish(command)
 
-    deadline = time.monotonic() + PATIENCE
-    while not closed():
-        assert time.monotonic() < deadline, stage.diagnostics
-        if not stage.valves[-1].enabled:  # at first, and after a fault of a busy test machine
-            stage.enabled()
-        stage.spin()
+    stage.listen(JointState, "joint_states", answer)
+    since = len(stage.enabled().valves)
+    stage.until(lambda: len(sent) == LOOPS)
+    told = {round(one.commands["slew"] / STEP): one.steady for one in stage.valves[since:]}
     stage.node.destroy_publisher(publisher)
-    p50, p99 = np.percentile(latencies, [50, 99])
-    with capsys.disabled():
-        print(f"\nencoder frame to valve frame: p50 {p50:.2f} ms, p99 {p99:.2f} ms, {LOOPS} loops")
-    assert p50 < 100.0  # else commands would be too old on arrival; busy test machines are slow
+    for count in range(2, LOOPS - 1):
+        assert told[count] == pytest.approx(sent[count], abs=1e-6)
 
 
 def test_an_idle_driver_waits_to_be_configured(stage: Stage) -> None:

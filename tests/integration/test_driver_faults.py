@@ -4,17 +4,23 @@ import math
 import os
 import re
 import signal
-import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 from domain_coordinator import domain_id
 from integration.commander import Commander
 from integration.driver_stage import Stage, commander
-from integration.faults import DRIVER, SMALLEST, encoder_frame, fault, played, ramped, swing
-from integration.processes import DRIVER as SECOND_DRIVER
-from integration.processes import TIMING, end, start
+from integration.faults import (
+    DEAF_MACHINE,
+    SMALLEST,
+    encoder_frame,
+    fault,
+    operate,
+    ramped,
+    seconds_told,
+    swing,
+)
+from integration.processes import DRIVER, IMPATIENT, end, start
 
 from crane_driver.can.codec import DriverCodec
 from crane_driver.safety.settings import load_safety
@@ -22,29 +28,18 @@ from crane_interfaces.msg import ValveCommand
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
-pytestmark = pytest.mark.realtime
-
 SAFETY = load_safety(machine_file("safety.yaml"), load_machine())
-SLACK = 1.0  # s, that a busy test machine may take beyond the times of the driver
-
-
-def seconds_told(pattern: str, said: str) -> float:
-    """The time [s] that a fault tells in milliseconds."""
-    found = re.search(pattern, said)
-    assert found, said
-    return float(found[1]) * 1e-3
+SLACK = 0.02  # s, that the driver may take beyond its times
 
 
 @pytest.fixture(scope="module")
-def gone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """While this file exists, the driver has no bus."""
-    return tmp_path_factory.mktemp("bus") / "gone"
-
-
-@pytest.fixture(scope="module")
-def stage(ros_domain: int, gone: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    driver = DRIVER.format(gone=str(gone))
-    one = Stage(tmp_path_factory.mktemp("driver"), [], driver=driver)
+def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    one = Stage(
+        *(tmp_path_factory.mktemp("driver"), []),
+        driver=IMPATIENT + DRIVER,
+        simulation=DEAF_MACHINE,
+        operator=True,
+    )
     yield one
     one.close()
 
@@ -62,12 +57,12 @@ def test_a_publisher_that_stops_makes_the_valves_ramp_to_neutral(
     swing(stage, hand)
     since = len(stage.valves)
     hand.pause()
-    paused = time.monotonic()
+    paused = stage.now
     frames = ramped(stage, since)
     waited = seconds_told(r"last command (\d+) ms ago", fault(stage, "command timeout"))
     assert SAFETY.command_timeout <= waited <= SAFETY.command_timeout + SLACK
     held = [one for one in frames if abs(one.commands["slew"]) > 0.5 - SMALLEST]
-    assert not held or held[-1].steady - paused <= SAFETY.command_timeout + SLACK
+    assert not held or held[-1].steady <= paused + SAFETY.command_timeout + SLACK
     hand.send(slew=0.5)
     count = len(stage.valves)
     stage.until(lambda: len(stage.valves) > count + 50)
@@ -129,9 +124,8 @@ def test_a_machine_that_falls_silent_is_a_fault_and_nothing_is_published(
             fault(stage, name)
         stage.spin()  # takes what was published before
         states, pressures = len(stage.states), len(stage.pressures)
-        stage.report()
+        stage.until(lambda: stage.diagnostics["driver: EncoderBase"][1] == "missing")
         assert (len(stage.states), len(stage.pressures)) == (states, pressures)
-        assert stage.diagnostics["driver: EncoderBase"][1] == "missing"
     finally:
         os.kill(stage.machine.pid, signal.SIGCONT)
     stage.measured()
@@ -143,71 +137,31 @@ def test_a_machine_that_falls_silent_is_a_fault_and_nothing_is_published(
     stage.disabled()
 
 
-def test_a_driver_that_was_stopped_names_its_own_stall(stage: Stage, hand: Commander) -> None:
-    """The machine goes on; whatever else follows from it, this comes first."""
-    swing(stage, hand)
-    limit = TIMING["late"] * min(stage.codec.cycles.values())
-    before = time.monotonic()
-    os.kill(stage.driver.pid, signal.SIGSTOP)
-    time.sleep(1.2 * limit)
-    since = len(stage.valves)
-    os.kill(stage.driver.pid, signal.SIGCONT)
-    said = fault(stage, "stalled")
-    # Stopped within its loop, it finds itself behind the bus.
-    stalled = seconds_told(r"not given the processor in time: (?:after|it is) (\d+) ms", said)
-    assert 1.2 * limit <= stalled <= time.monotonic() - before
-    assert stage.safety[0].startswith("fault; stalled: ")
-    ramped(stage, since)
-    stage.disabled()
-
-
-def test_a_bus_that_is_lost_is_reopened_but_never_enabled_again(
-    stage: Stage, hand: Commander, gone: Path
-) -> None:
-    swing(stage, hand)
-    before = len(stage.valves)
-    gone.touch()
-    try:
-        stage.until(lambda: stage.machine_state == "CommandTimeout")  # no way to reach the valves
-        said = fault(stage, "bus")  # as it was last told: by then no frame may go out
-        assert "No such device" in said or "is lost; the frame was not sent" in said, said
-        stage.until(lambda: stage.diagnostics["driver: bus"][1] == "lost")
-        silent = len(stage.valves)
-    finally:
-        gone.unlink()
-    stage.until(lambda: len(stage.valves) > silent + 200)
-    assert all(one.enabled for one in stage.valves[before:silent])
-    again = [one for one in stage.valves[silent:] if one.enabled or one.commands["slew"]]
-    assert len(again) * stage.layout.commands[0].cycle <= SAFETY.ramp_time + SLACK
-    assert stage.report()[0].startswith("fault")
-    assert int(stage.diagnostics["driver: bus"][2]["times reopened"]) >= 1
-    stage.disabled()
-
-
 def test_valves_that_do_not_accept_what_they_are_sent_are_a_fault(
     stage: Stage, hand: Commander
 ) -> None:
-    with played(stage) as machine:
-        since = len(stage.valves)
-        swing(stage, hand)
-        machine.ignore_commands()
-        ramped(stage, since)
-        said = fault(stage, "not accepted ValveStatus")
-        waited = seconds_told(r"ValveCommand has been sent for (\d+) ms and none was", said)
-        assert SAFETY.command_timeout <= waited <= SAFETY.command_timeout + SLACK
+    swing(stage, hand)
+    since = len(stage.valves)
+    stage.machine.send_signal(signal.SIGUSR1)
+    ramped(stage, since)
+    said = fault(stage, "not accepted ValveStatus")
+    waited = seconds_told(r"ValveCommand has been sent for (\d+) ms and none was", said)
+    assert SAFETY.command_timeout <= waited <= SAFETY.command_timeout + SLACK
+    stage.machine.send_signal(signal.SIGUSR1)
     stage.disabled()
 
 
 def test_an_encoder_that_is_frozen_stops_the_crane(stage: Stage, hand: Commander) -> None:
     """Its frames come with right counters and checksums, and the valves accept their commands."""
-    with played(stage):
-        since = len(stage.valves)  # it may close before a busy test machine sees it swing
-        swing(stage, hand)
-        ramped(stage, since)
-        said = fault(stage, "frozen slew")
-        still = seconds_told(r"slew: frozen: its position has not changed for (\d+) ms", said)
-        assert SAFETY.still_time <= still <= SAFETY.still_time + SLACK
-        assert math.isnan(stage.measured().position[0])
+    operate(stage, "fault=slew.encoder.stuck")
+    swing(stage, hand)
+    since = len(stage.valves)
+    ramped(stage, since)
+    said = fault(stage, "frozen slew")
+    still = seconds_told(r"slew: frozen: its position has not changed for (\d+) ms", said)
+    assert SAFETY.still_time <= still <= SAFETY.still_time + SLACK
+    assert math.isnan(stage.measured().position[0])
+    operate(stage, "mended=slew.encoder")
     stage.disabled()
 
 
@@ -279,11 +233,14 @@ def test_a_valve_command_of_another_node_is_a_fault_in_every_state(
 def test_a_second_driver_on_the_bus_is_a_fault(
     stage: Stage, hand: Commander, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One of another ROS domain, which no topic tells of; it is disabled, and sends neutral."""
+    """One of another ROS domain, which no topic tells of; it is disabled, and sends neutral.
+
+    It is in real time: two drivers on simulated time would both let the crane go on.
+    """
     swing(stage, hand)
     with domain_id() as another:  # until it has ended: others take domains that are free
         monkeypatch.setenv("ROS_DOMAIN_ID", str(another))
-        second = start(SECOND_DRIVER, *stage.arguments)
+        second = start(DRIVER, "--ros-args", "-p", f"bus.options:=port={stage.port}")
         try:
             fault(stage, "foreign command ValveCommand")
             success, text = stage.call("enable")

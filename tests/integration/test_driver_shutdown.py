@@ -1,17 +1,13 @@
 """A driver that is ended, crashes or is killed in the middle of a motion."""
 
 import signal
-import time
 from collections.abc import Iterator
 
 import pytest
 from integration.commander import Commander
 from integration.driver_stage import Stage, commander
 from integration.faults import SMALLEST, UNHINDERED, swing
-from integration.processes import DRIVER
-
-pytestmark = pytest.mark.realtime
-
+from integration.processes import DRIVER, IMPATIENT, MACHINE
 
 # A driver with a programming error that shows itself on SIGUSR1.
 FAULTY = """
@@ -31,7 +27,7 @@ sys.exit(main(sys.argv[1:]))
 
 @pytest.fixture(scope="module")
 def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    one = Stage(tmp_path_factory.mktemp("driver"), [])
+    one = Stage(tmp_path_factory.mktemp("driver"), [], simulation=IMPATIENT + MACHINE)
     yield one
     one.close()
 
@@ -51,7 +47,7 @@ def ended_by(stage: Stage, hand: Commander, *signals: signal.Signals, program: s
     since = len(stage.valves)
     for number in signals:
         stage.driver.send_signal(number)
-        time.sleep(0.02)  # within the ramp
+        stage.spin()
     stage.until(lambda: stage.driver.poll() is not None)
     return since
 

@@ -12,8 +12,6 @@ from crane_machines import shipped
 from crane_model.kinematics import tip_position
 from crane_model.machine import load_machine
 
-pytestmark = pytest.mark.realtime
-
 
 @pytest.mark.parametrize("name", shipped())
 def test_the_tip_is_where_the_model_has_it(name: str, ros_domain: int, tmp_path: Path) -> None:

@@ -35,12 +35,18 @@ from integration.panel_visits import (  # noqa: E402
 )
 from websockets.sync.client import ClientConnection  # noqa: E402
 
-pytestmark = pytest.mark.realtime
-
 GARBAGE = [
     "no JSON", "[]", "3", "NaN", "[" * 900, "{}", '{"request": "move"}', '{"request": ["stop"]}',
     '{"token": 5}', b"\xff\x00", b'{"seen"',
 ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    """A crane that goes on while a test waits for a page."""
+    one = Stage(tmp_path_factory.mktemp("stage"), [], awaited=False)
+    yield one
+    one.close()
 
 
 @pytest.fixture(scope="module")
@@ -221,8 +227,8 @@ def test_a_panel_in_a_namespace_shows_and_stops_the_crane_there_alone(
     stage: Stage, tmp_path: Path
 ) -> None:
     with (
-        closing(Stage(tmp_path, [], namespace="left")) as left,
-        served(*left.remapping, program=PATIENT) as one,
+        closing(Stage(tmp_path, [], namespace="left", awaited=False)) as left,
+        served(*left.ros()[1:], program=PATIENT) as one,
     ):
 
         def shown() -> bool:

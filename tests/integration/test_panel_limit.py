@@ -31,7 +31,13 @@ from integration.panel_visits import (  # noqa: E402
 )
 from websockets.sync.client import ClientConnection  # noqa: E402
 
-pytestmark = pytest.mark.realtime
+
+@pytest.fixture(scope="module")
+def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    """A crane that goes on while a test waits for a page."""
+    one = Stage(tmp_path_factory.mktemp("stage"), [], awaited=False)
+    yield one
+    one.close()
 
 
 @pytest.fixture(scope="module")

@@ -25,8 +25,6 @@ from crane_model.machine import load_machine
 from crane_model.urdf import urdf
 from crane_nodes.driver_client import LATCHED
 
-pytestmark = pytest.mark.realtime
-
 PROGRAM = RUN.format(module="crane_nodes.robot_state_publisher")
 POSES = 20
 SPACING = 0.1  # s between stamps: it publishes at 20 Hz at most

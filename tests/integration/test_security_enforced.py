@@ -16,9 +16,19 @@ from pathlib import Path
 import pytest
 import yaml
 from from_code.parameter_files import ROOT
-from integration.experiments import SHORT, TIMEOUT, TRAJECTORY
-from integration.patient_files import patient_mapping, patient_safety
-from integration.processes import DRIVER, MACHINE, PATIENCE, RUN, end, environment, free_port, line
+from integration.experiments import SHORT, TRAJECTORY
+from integration.patient_files import mapping_file, patient_safety
+from integration.processes import (
+    COMMAND_TIMEOUT,
+    DRIVER,
+    PATIENCE,
+    RUN,
+    URGENT_MACHINE,
+    end,
+    environment,
+    free_port,
+    line,
+)
 
 pytestmark = pytest.mark.realtime
 
@@ -172,17 +182,17 @@ def crane(
             DRIVER,
             ros=(
                 *("-p", f"bus.options:=port={port}"),
-                *("-p", f"mapping:={patient_mapping(folder)}"),
+                *("-p", f"mapping:={mapping_file(folder)}"),
                 *("-p", f"safety:={patient_safety(folder)}"),
             ),
         )
         driver.until(lambda: "CAN bus" in driver.said or driver.popen.poll() is not None)
         if NO_PLUGINS in driver.said:
             pytest.skip("this Fast DDS is built without its security plugins")
-        secured.outside(MACHINE, "--bus-option", f"port={port}")
+        secured.outside(URGENT_MACHINE, "--bus-option", f"port={port}")
         driver.says("offline -> disabled")
         trajectory = secured.start(
-            "trajectory", TRAJECTORY, ros=("-p", f"states_timeout:={TIMEOUT}")
+            "trajectory", TRAJECTORY, ros=("-p", f"states_timeout:={COMMAND_TIMEOUT / 2}")
         )
         trajectory.says("ready: ")
         yield secured

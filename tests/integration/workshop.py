@@ -13,10 +13,10 @@ import yaml
 from integration.processes import (
     CONTROLLER_PRIORITY,
     DRIVER,
-    MACHINE,
     PATIENCE,
     TIMING,
     URGENT,
+    URGENT_MACHINE,
     end,
     environment,
     free_port,
@@ -69,9 +69,9 @@ class Workshop:
         self._machine_side, self._driver_side = MachineCodec(layout), DriverCodec(layout)
         self.link = Link(BusSettings(extra={"port": int(self.port[5:])})).open()
         self.machine = start(
-            MACHINE, "--bus-option", self.port, "--mapping", str(self.truth), "--plant", str(plant),
-            "--operator",
-        )  # fmt: skip
+            *(URGENT_MACHINE, "--bus-option", self.port, "--mapping", str(self.truth)),
+            *("--plant", str(plant), "--operator"),
+        )
         self.driver: subprocess.Popen[str] | None = None
         self.true: dict[str, float] = {}
         self.seen = 0.0  # s, steady, when the newest frame came: a busy test machine is late

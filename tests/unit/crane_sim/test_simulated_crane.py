@@ -1,6 +1,7 @@
 """The machine on its bus without a bus: frames in, frames out, and a clock that the test moves."""
 
 import signal
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -13,10 +14,11 @@ from crane_driver.can.decoder import Readings
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
+from crane_driver.can.simulated_time import START_NS, STEP, TIME, step_frame, told_time
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.bus.machine_on_bus import LONGEST_STEP, MachineOnBus
-from crane_sim.bus.pace import BACKLOG, PlantPace
+from crane_sim.bus.pace import BACKLOG, LockStep, PlantPace
 from crane_sim.bus.simulated_crane import main
 from crane_sim.bus.valve_unit import TIMEOUT, ValveUnit
 from crane_sim.faulty.faults import Faults
@@ -211,6 +213,37 @@ def test_pace_makes_up_for_short_delays_and_reports_long_ones() -> None:
     assert 0.0 <= pace.pause(late) <= CYCLE + NO_TIME
     assert pace.longest > BACKLOG * CYCLE
     assert pace.next(late + CYCLE) is None  # said once
+
+
+class LateDriver:
+    """A link to a driver that answers a time when it is told it again."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+
+    def take(self) -> list[Frame]:
+        frames, self.frames = self.frames, []
+        return frames
+
+    def send(self, frame: Frame) -> None:
+        told = told_time(frame, TIME)
+        assert told is not None
+        self.frames.append(step_frame(told))
+
+
+def test_a_driver_that_answers_late_is_waited_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a new driver, which never answers within a cycle of real time, would never be heard."""
+    monkeypatch.setattr("crane_sim.bus.pace.PATIENCE_S", 0.0)
+    link, stop = LateDriver(), threading.Event()
+    crane = LockStep(link, threading.Event(), CYCLE)  # type: ignore[arg-type]
+    link.frames = [step_frame(crane.time)]
+    crane.wait(stop)  # the driver is there
+    crane.wait(stop)  # and gone: time goes on
+    assert crane.answer == []
+    monkeypatch.undo()
+    link.frames = [step_frame(START_NS)]
+    crane.wait(stop)
+    assert [told_time(one, STEP) for one in crane.answer] == [START_NS, START_NS + 2e9 * CYCLE]
 
 
 @pytest.mark.parametrize(

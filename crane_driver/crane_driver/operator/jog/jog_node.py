@@ -106,7 +106,10 @@ class Jog(Node):
             self._publisher.publish(message)
 
     def stop(self) -> None:
-        """Ramp to neutral, so that the driver sees an end and not a loss of commands."""
+        """Ramp to neutral, so that the driver sees an end and not a loss of commands, and leave.
+
+        Nobody waits then for commands of a jog whose terminal does not end.
+        """
         left = LAST_COMMANDS
         while self._publisher and left:
             self.command(None)
@@ -115,6 +118,8 @@ class Jog(Node):
             time.sleep(COMMAND_PERIOD_S)
         if self._publisher:
             self._publisher.wait_for_all_acked(Duration(seconds=0.5))
+            self.destroy_publisher(self._publisher)
+            self._publisher = None
 
     def demand(self) -> Demand | None:
         """What is held now."""

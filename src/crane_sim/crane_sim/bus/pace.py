@@ -109,9 +109,11 @@ class LockStep:
         while not stop.is_set():
             self._woken.wait(self._period / NANOSECONDS if self._dead else REPEAT_S)
             self._woken.clear()
-            frames += self._link.take()
-            if any(told_time(frame, STEP) == self.time for frame in frames):
-                self._driven, self._dead = True, False
+            new = self._link.take()
+            frames += new
+            if answers := {told_time(frame, STEP) for frame in new} - {None}:
+                self._driven, self._dead, begun = True, False, time.monotonic()  # it is there
+            if self.time in answers:
                 break
             waited = time.monotonic() - begun
             if self._dead or (self._driven and waited > PATIENCE_S):
