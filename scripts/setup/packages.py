@@ -30,7 +30,7 @@ EXTRAS = {
     "pictures": Part("pictures of the crane", 45, "5 to 10 s"),
     "tables": Part("tables", 55, "5 to 10 s"),
     "test": Part("the tests", 195, "10 to 40 s"),
-    "view": Part("the live view", 250, "5 to 10 s"),
+    "view": Part("the live view", 255, "5 to 10 s"),
 }
 # Settings of pip (files or environment) that uv knows by other names.
 PIP_TO_UV = {
