@@ -5,17 +5,17 @@ import json
 from integration.processes import PATIENCE, start
 
 COMMANDER = """
-import json, sys, threading, rclpy
+import json, queue, sys, threading, rclpy
 from builtin_interfaces.msg import Time
 from rosgraph_msgs.msg import Clock
 from crane_interfaces.msg import ValveCommand
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.node_time import CLOCK_TOPIC, NEWEST, NodeTime
 command, paused, done = {}, False, threading.Event()
+told = queue.SimpleQueue()  # each is published once at least
 def read():
-    global command
     for line in sys.stdin:
-        command = json.loads(line)
+        told.put(json.loads(line))
     done.set()
 threading.Thread(target=read, daemon=True).start()
 rclpy.init(args=sys.argv)
@@ -24,16 +24,17 @@ clock = NodeTime(node)
 publisher = node.create_publisher(ValveCommand, "valve_command", 10)
 message = ValveCommand()
 def publish():
-    global message, paused
-    now = command
-    if now is not None:
-        message = ValveCommand(name=list(now), command=[float(v) for v in now.values()])
+    global command, message, paused
+    if not told.empty():
+        command = told.get()
+    if command is not None:
+        message = ValveCommand(name=list(command), command=[float(v) for v in command.values()])
         message.header.stamp = clock.stamp()
     elif not paused:
         message.header.stamp = Time()  # answers no cycle: the driver waits for no further command
-    if now is not None or not paused:
+    if command is not None or not paused:
         publisher.publish(message)
-    paused = now is None
+    paused = command is None
 def tick(message):
     clock.tell(message)
     publish()

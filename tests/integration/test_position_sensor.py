@@ -11,7 +11,6 @@ import rclpy
 from builtin_interfaces.msg import Time
 from integration.driver_stage import Stage, commander, made
 from integration.matched import wait_until_heard
-from integration.patient_files import patient_safety
 from integration.processes import PATIENCE, RUN, end, start
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -34,7 +33,6 @@ MOVED, AT_REST = 0.1, 2e-3  # rad, rad/s
 NAMED = "position_sensor: positions"
 
 
-@pytest.mark.realtime
 def test_a_joint_without_encoder_is_followed(tmp_path: Path, stage: Stage) -> None:
     save_model(tmp_path / "model.yaml", known())
     states: list[JointState] = []
@@ -43,8 +41,7 @@ def test_a_joint_without_encoder_is_followed(tmp_path: Path, stage: Stage) -> No
     subscribe(JointState, "joint_states_estimated", states.append, DEEP)
     subscribe(PositionEstimate, "position_estimate", estimates.append, DEEP)
     given = {"model": tmp_path / "model.yaml", "without": WITHOUT, "start": "[0.5, -1.3, 0.6]"}
-    parameters = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
-    process = start(NODE, "--ros-args", *parameters)
+    process = start(NODE, *stage.ros(**given))
     try:
         stage.until(lambda: estimates or process.poll() is not None)
         assert process.poll() is None
@@ -55,20 +52,18 @@ def test_a_joint_without_encoder_is_followed(tmp_path: Path, stage: Stage) -> No
             stage.moved(moved, lambda: begun - shown(stage.states[-1]) > MOVED, outer_boom=-0.25)
             moved.send(outer_boom=0.0)
             stage.measured(lambda state: abs(state.velocity[place(state)]) < AT_REST)
-            rested = time.time()
+            rested = stage.now
             stage.until(lambda: made(states[-1]) > rested)
             way = begun - shown(stage.measured())
-            # More where a busy computer makes the machine leave out cycles while its oil flows on:
-            # how exact the estimate is, the readings below tell.
-            assert 0.8 * way < begun - states[-1].position[J]
+            assert begun - states[-1].position[J] == pytest.approx(way, rel=0.1)
         # pressures that stop are named, and the node goes on when they are back
         end(stage.driver)
         stage.until(lambda: "waiting" in stage.diagnostics.get(NAMED, (b"", "", {}))[1])
         stage.start_driver()
-        again = time.time()
+        again = stage.now
         stage.until(lambda: made(estimates[-1]) > again)
     finally:
-        assert end(process) == 0
+        assert stage.end(process) == 0
 
 
 def shown(message: JointState) -> float:
@@ -91,12 +86,11 @@ def test_a_model_that_cannot_tell_two_joints_is_refused(tmp_path: Path) -> None:
 
 @pytest.fixture
 def stage(tmp_path: Path, ros_domain: int) -> Iterator[Stage]:
-    made = Stage(tmp_path, POSE, safety=patient_safety(tmp_path))
+    made = Stage(tmp_path, POSE)
     yield made
     made.close()
 
 
-@pytest.mark.realtime
 def test_the_node_tells_what_the_command_tells(tmp_path: Path, ros_domain: int) -> None:
     """Readings of a machine at work, as topics, against the same readings offline."""
     given, rows = recording(), range(1400)

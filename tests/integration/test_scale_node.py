@@ -45,7 +45,6 @@ def messages(given: HeardRecording, k: int) -> tuple[JointState, CylinderPressur
     return state, oil
 
 
-@pytest.mark.realtime
 def test_the_node_tells_and_logs_what_the_command_does(tmp_path: Path, ros_domain: int) -> None:
     given = recording()
     model, log = tmp_path / "model.yaml", tmp_path / "lifts.csv"
