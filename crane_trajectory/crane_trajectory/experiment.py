@@ -225,9 +225,10 @@ class Experiment:
         if lost := beyond(self.tracking_error, tuning.tolerance, self._units):
             self.release(Outcome.TRACKING_LOST, lost, now)
             return self._ramp(now)
-        if self.stage is Stage.LEADING:
+        if self.stage is Stage.LEADING and self.motion.trajectory.probe is not None:
             u = u + self.motion.probe(np.array([self._clock.time]))[0]
-        self._command, self._commanded = np.clip(u, -tuning.saturation, tuning.saturation), now
+        largest = tuning.saturation
+        self._command, self._commanded = np.minimum(np.maximum(u, -largest), largest), now
         if self._clock.time < 0.0:
             self._command = np.zeros(len(self._units))
         self._proceed(tuning, now)

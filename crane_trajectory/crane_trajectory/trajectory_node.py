@@ -38,7 +38,7 @@ from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.controller_topics import Leading
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.check import Clearance, load_clearance
-from crane_trajectory.motion.motion import Motion, plan
+from crane_trajectory.motion.motion import Motion, compile_reference, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory
 from crane_trajectory.motion.reading import read_apart
 from crane_trajectory.readiness import Readiness
@@ -109,6 +109,7 @@ class Trajectory(LifecycleNode):
                 self.get_logger().error(line)
             return TransitionCallbackReturn.FAILURE
         compile_command(self._tuning.gains)
+        compile_reference(self._machine)
         self._lifecycle = "inactive"
         return super().on_configure(state)
 

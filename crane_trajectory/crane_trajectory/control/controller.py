@@ -156,9 +156,10 @@ def command(
     `units` of the joints are those of their machine. Raises `RangeError` where an input is not
     finite: a crane is never moved on a guess.
     """
-    inputs = np.array([q, velocity, q_ref, velocity_ref])
-    if not np.isfinite(inputs).all():
-        kind, place = np.argwhere(~np.isfinite(inputs))[0]
+    u: np.ndarray = _commands(gains, q, velocity, q_ref, velocity_ref)
+    if np.isnan(u).any():
+        inputs = np.array([q, velocity, q_ref, velocity_ref])
+        kind, place = np.unravel_index(np.argmin(np.isfinite(inputs)), inputs.shape)
         joint, unit = tuple(units.items())[place]
         quantity = ("position", "velocity", "reference position", "reference velocity")[kind]
         rate = "" if kind % 2 == 0 else "/s"
@@ -166,7 +167,7 @@ def command(
             f"{joint}: {quantity} must be finite, got {inputs[kind, place]} {unit}{rate}; "
             "no command is given, close the valves"
         )
-    return _commands(gains, *inputs)
+    return u
 
 
 def compile_command(gains: GainArrays) -> None:

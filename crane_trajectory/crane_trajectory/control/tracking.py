@@ -1,5 +1,6 @@
 """How far the crane was from its reference."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -17,7 +18,7 @@ class PeriodicError:
 
     def add(self, time: float, error: np.ndarray) -> None:
         """The error (j,) at a time [s] of the motion; times rise."""
-        index = int(np.floor((time - self._start) / self._period))
+        index = math.floor((time - self._start) / self._period)
         if index > self._current:
             self._whole += self._begun
             self._whole_count += self._begun_count
@@ -40,9 +41,12 @@ def beyond(error: np.ndarray, tolerance: np.ndarray, units: Mapping[str, str]) -
 
     `units` of the joints are those of their machine.
     """
+    far = np.abs(error) > tolerance
+    if not far.any():
+        return ""
     return "; ".join(
         f"{joint}: tracking error {error[i]:.4g} {unit} is beyond the tolerance "
         f"{tolerance[i]:.4g} {unit}"
         for i, (joint, unit) in enumerate(units.items())
-        if abs(error[i]) > tolerance[i]
+        if far[i]
     )

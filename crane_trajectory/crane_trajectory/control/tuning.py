@@ -46,6 +46,8 @@ class Blend:
     def now(self) -> Tuning:
         """What holds now."""
         old, new, share = self._old, self._new, self._share
+        if share == 1.0:
+            return new
         return Tuning(
             GainFields(
                 *((1.0 - share) * a + share * b for a, b in zip(old.gains, new.gains, strict=True))

@@ -1,9 +1,12 @@
 """Fourier references (32)-(34): periodic trajectories of any joints, with analytic derivatives."""
 
-from functools import cached_property
+import math
+from collections.abc import Callable
+from functools import cached_property, partial
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
+from numba import njit
 from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema
@@ -38,6 +41,10 @@ class MotionSamples(NamedTuple):
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
+
+
+Instants = Callable[[float], np.ndarray]
+"""Position, velocity and acceleration of j joints (3, j) at one time [s]."""
 
 
 def harmonic_basis(time: np.ndarray, period: float, harmonics: int) -> MotionSamples:
@@ -112,3 +119,24 @@ class FourierTrajectory(Schema):
         """(32), (33), (34) at time (n,) [s]; columns as in `joint_names`."""
         basis = harmonic_basis(np.atleast_1d(time), self.period, self.harmonics)
         return MotionSamples(*(functions @ self.coefficients for functions in basis))
+
+    def instants(self) -> Instants:
+        """Return what gives the rows of `evaluate` (3, j) at one time [s], compiled."""
+        return partial(_series, self.coefficients.copy(), 2 * np.pi / self.period)
+
+
+@njit(cache=True)
+def _series(coefficients: np.ndarray, frequency: float, time: float) -> np.ndarray:
+    """(32)-(34) of j joints at one time [s]: (3, j); `frequency` of the period in rad/s."""
+    harmonics = len(coefficients) // 2
+    motion = np.zeros((3, coefficients.shape[1]))
+    motion[0] = coefficients[0]
+    for k in range(1, harmonics + 1):
+        omega = k * frequency
+        sine, cosine = math.sin(omega * time), math.cos(omega * time)
+        for i in range(coefficients.shape[1]):
+            a, b = coefficients[k, i], coefficients[harmonics + k, i]
+            motion[0, i] += a * sine - b * cosine
+            motion[1, i] += omega * (a * cosine + b * sine)
+            motion[2, i] -= omega * omega * (a * sine - b * cosine)
+    return motion

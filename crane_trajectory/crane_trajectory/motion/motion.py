@@ -8,12 +8,15 @@ trajectory respects limits of position, velocity, stroke, pump flow and room, so
 velocity and acceleration are continuous throughout.
 """
 
+from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
+from numba import njit
 
 from crane_model.errors import RangeError
 from crane_model.machine import Machine
@@ -26,7 +29,9 @@ from crane_trajectory.motion.check import (
     refuse,
     violations,
 )
-from crane_trajectory.motion.periodic import PeriodicTrajectory
+from crane_trajectory.motion.fourier import FourierTrajectory, Instants, JointSeries
+from crane_trajectory.motion.periodic import PeriodicTrajectory, instants
+from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
 
 RUN_UP = 4.0  # s in which the clock reaches its normal rate, and in which it stops again
 APPROACH_SHARE = 0.5  # of the velocity limits and of the pump flow, used on the way to the start
@@ -46,6 +51,9 @@ class Phase(IntEnum):
     APPROACH = 1
     EXCITATION = 2
     STOP = 3
+
+
+PHASES = (Phase.REST, Phase.APPROACH, Phase.EXCITATION, Phase.STOP, Phase.REST)  # in their order
 
 
 class Reference(NamedTuple):
@@ -71,17 +79,17 @@ class Motion:
     periods: int
     approach_time: float  # s, on the straight line
 
-    @property
+    @cached_property
     def excitation_start(self) -> float:
         """When the first whole period begins [s]; the trajectory's own time is 0 then."""
         return self.approach_time + RUN_UP
 
-    @property
+    @cached_property
     def excitation_end(self) -> float:
         """When the last whole period ends [s]."""
         return self.excitation_start + self.periods * self.trajectory.period
 
-    @property
+    @cached_property
     def duration(self) -> float:
         """When the crane is at rest again [s]."""
         return self.excitation_end + RUN_UP
@@ -92,18 +100,23 @@ class Motion:
         on_line = time < self.approach_time
         line = self._line(time)
         path = self._path(time)
-        phase = np.select(
-            [
-                time < until
-                for until in (0.0, self.excitation_start, self.excitation_end, self.duration)
-            ],
-            [Phase.REST, Phase.APPROACH, Phase.EXCITATION, Phase.STOP],
-            Phase.REST,
-        )
+        phase = np.array(PHASES)[np.searchsorted(self._changes, time, side="right")]
         position, velocity, acceleration = (
             np.where(on_line[:, None], *courses) for courses in zip(line, path, strict=True)
         )
         return Reference(position, velocity, acceleration, phase)
+
+    def at(self, time: float) -> np.ndarray:
+        """Rows of `reference` (3, j) at one time [s], in compiled code: within 1e-12 of it."""
+        if time < self.approach_time:
+            return _on_line(time, self.approach_time, self.start, self._way)
+        clock, rate, change = _clock_at(time, self.approach_time, self.excitation_end)
+        moving = paced(self._instants(clock), rate, change)
+        return _with_held(moving, self._columns, self.start)
+
+    def phase(self, time: float) -> Phase:
+        """What the crane is doing at one time [s]."""
+        return PHASES[bisect_right(self._changes, time)]
 
     def probe(self, time: np.ndarray) -> np.ndarray:
         """What the trajectory adds to the commands at time (n,) [s]: (n, j), in whole periods."""
@@ -132,7 +145,7 @@ class Motion:
         )
 
     def _line(self, time: np.ndarray) -> Course:
-        way = self._launch - self.start
+        way = self._way
         share, rate, change = _rest_to_rest(time / self.approach_time)
         return (
             self.start + np.outer(share, way),
@@ -161,14 +174,23 @@ class Motion:
         )
 
     @cached_property
-    def _launch(self) -> np.ndarray:
-        """(j,): where the clock starts to run."""
-        position = self.trajectory.evaluate(np.array([-RUN_UP / 2])).position
-        return self._all_joints(position, self.start)[0]
+    def _changes(self) -> tuple[float, ...]:
+        """When one of `PHASES` gives way to the next [s]."""
+        return 0.0, self.excitation_start, self.excitation_end, self.duration
 
     @cached_property
-    def _columns(self) -> list[int]:
-        return [self.machine.index(joint) for joint in self.trajectory.joint_names]
+    def _way(self) -> np.ndarray:
+        """(j,): from the start to where the clock starts to run."""
+        position = self.trajectory.evaluate(np.array([-RUN_UP / 2])).position
+        return np.asarray(self._all_joints(position, self.start)[0] - self.start)
+
+    @cached_property
+    def _columns(self) -> np.ndarray:
+        return np.array([self.machine.index(joint) for joint in self.trajectory.joint_names])
+
+    @cached_property
+    def _instants(self) -> Instants:
+        return instants(self.trajectory)
 
     def _all_joints(self, moving: np.ndarray, held: np.ndarray | float) -> np.ndarray:
         values = np.empty((len(moving), len(self.start)))
@@ -243,7 +265,7 @@ def _pose(machine: Machine, position: np.ndarray) -> str:
 
 def _rest_to_rest(share: np.ndarray) -> Course:
     """The quintic from 0 to 1, at rest without acceleration at both ends of 0 <= share <= 1."""
-    s = np.clip(share, 0.0, 1.0)
+    s = np.minimum(np.maximum(share, 0.0), 1.0)
     return (
         s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
         30.0 * s**2 * (1.0 - s) ** 2,
@@ -253,6 +275,63 @@ def _rest_to_rest(share: np.ndarray) -> Course:
 
 def running_up(share: np.ndarray) -> Course:
     """0 until share 0, then a rate that rises smoothly from 0 to 1 until share 1 and stays."""
-    s = np.clip(share, 0.0, 1.0)
+    s = np.minimum(np.maximum(share, 0.0), 1.0)
     beyond = np.maximum(share - 1.0, 0.0)
     return s**3 * (1.0 - s / 2.0) + beyond, s**2 * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s)
+
+
+Once = Callable[[float], tuple[float, float, float]]
+_rest_to_rest_once = cast(Once, njit(cache=True)(_rest_to_rest))  # for one instant
+running_up_once = cast(Once, njit(cache=True)(running_up))
+
+
+@njit(cache=True)
+def _on_line(time: float, duration: float, start: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """A straight line in joint space at one time [s]: (3, j)."""
+    share, rate, change = _rest_to_rest_once(time / duration)
+    point = np.empty((3, len(start)))
+    point[0] = start + share * way
+    point[1] = rate * (way / duration)
+    point[2] = change * (way / duration**2)
+    return point
+
+
+@njit(cache=True)
+def _clock_at(time: float, begin: float, end: float) -> tuple[float, float, float]:
+    """`Motion._clock` at one time [s], if the clock starts to run at `begin` and down at `end`."""
+    up, up_rate, up_change = running_up_once((time - begin) / RUN_UP)
+    down, down_rate, down_change = running_up_once((time - end) / RUN_UP)
+    return RUN_UP * (up - down - 0.5), up_rate - down_rate, (up_change - down_change) / RUN_UP
+
+
+@njit(cache=True)
+def paced(point: np.ndarray, rate: float, change: float) -> np.ndarray:
+    """A point (3, j) of a path whose clock has this rate and change of its rate [1/s]."""
+    slowed = point.copy()
+    slowed[1] = point[1] * rate
+    slowed[2] = point[2] * rate**2 + point[1] * change
+    return slowed
+
+
+@njit(cache=True)
+def _with_held(moving: np.ndarray, columns: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """(3, j) of all joints, of which the `columns` move; the others rest where they are held."""
+    point = np.zeros((3, len(held)))
+    point[0] = held
+    for i in range(len(columns)):
+        point[:, columns[i]] = moving[:, i]
+    return point
+
+
+def compile_reference(machine: Machine) -> None:
+    """Once, before the crane moves: the first references take seconds."""
+    joint, rest = machine.joint_names[0], np.zeros(len(machine.joint_names))
+    series = JointSeries(offset=0.0, sine=(0.0,), cosine=(0.0,))
+    course = JointCourse(time=(0.0, 1.0), position=(0.0, 0.0))
+    for trajectory in (
+        FourierTrajectory(name="", period=1.0, joints={joint: series}),
+        SweepTrajectory(kind="sweep", name="", period=1.0, corner=0.1, joints={joint: course}),
+    ):
+        motion = Motion(machine, trajectory, rest, 1, approach_time=1.0)
+        for time in (0.0, 1.0):  # on the line, and on the path
+            paced(motion.at(time), 1.0, 0.0)

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from crane_model.configuration import read_document
-from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
+from crane_trajectory.motion.fourier import FourierTrajectory, Instants, MotionSamples
 from crane_trajectory.motion.probe import Probe
 from crane_trajectory.motion.sweep import SweepTrajectory
 
@@ -36,6 +36,13 @@ class PeriodicTrajectory(Protocol):
 
     def evaluate(self, time: np.ndarray) -> MotionSamples:
         """Position, velocity and acceleration at any time (n,) [s]."""
+
+
+def instants(trajectory: PeriodicTrajectory) -> Instants:
+    """Return what gives the rows of `evaluate` (3, j) at one time [s]: compiled, if it can be."""
+    if isinstance(trajectory, FourierTrajectory | SweepTrajectory):
+        return trajectory.instants()
+    return lambda time: np.concatenate(trajectory.evaluate(np.array([time])))
 
 
 def load_trajectory(path: Path | str) -> FourierTrajectory | SweepTrajectory:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_trajectory.motion.motion import Motion, Phase, running_up
+from crane_trajectory.motion.motion import Motion, Phase, paced, running_up_once
 
 # The largest deceleration on a stop is 1.5 times the speed by this time: at the limits of speed of
 # the laboratory crane 0.2 rad/s2 to 0.7 m/s2.
@@ -57,7 +57,7 @@ class ReferenceClock:
             self.time += dt
             return
         self._braking = min(self._braking + dt, BRAKE_TIME)
-        lost = BRAKE_TIME * float(self._run_down()[0])
+        lost = BRAKE_TIME * self._run_down()[0]
         self.time = self._braked_at + self._braking - lost
 
     def later(self, time: float) -> "ReferenceClock":
@@ -70,16 +70,13 @@ class ReferenceClock:
 
     def target(self, motion: Motion) -> Target:
         """The reference of `motion` now."""
-        at = motion.reference(np.array([self.time]))
-        lost_rate, change = self._run_down()[1:]
-        rate, change = 1.0 - lost_rate, -change / BRAKE_TIME
-        phase = Phase.STOP if self.braking else Phase(int(at.phase[0]))
-        return Target(
-            at.position[0],
-            at.velocity[0] * rate,
-            at.acceleration[0] * rate**2 + at.velocity[0] * change,
-            phase,
-        )
+        point, phase = motion.at(self.time), motion.phase(self.time)
+        if self.braking:
+            _, lost_rate, change = self._run_down()
+            point, phase = paced(point, 1.0 - lost_rate, -change / BRAKE_TIME), Phase.STOP
+        position, velocity, acceleration = point
+        return Target(position, velocity, acceleration, phase)
 
-    def _run_down(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return running_up(np.array(self._braking / BRAKE_TIME))
+    def _run_down(self) -> tuple[float, float, float]:
+        """Time, rate and change of its rate that the clock has lost, in units of `BRAKE_TIME`."""
+        return running_up_once(self._braking / BRAKE_TIME)

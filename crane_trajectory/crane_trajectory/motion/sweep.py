@@ -6,13 +6,15 @@ and acceleration are continuous, no position and no speed is passed that the cor
 and half of `corner` away from them the motion is exactly uniform.
 """
 
+from functools import partial
 from typing import Annotated, Literal, Self
 
 import numpy as np
+from numba import njit
 from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema
-from crane_trajectory.motion.fourier import MotionSamples, Period
+from crane_trajectory.motion.fourier import Instants, MotionSamples, Period
 from crane_trajectory.motion.probe import Probe
 
 Knots = Annotated[tuple[float, ...], Field(min_length=2, max_length=500)]
@@ -80,6 +82,14 @@ class SweepTrajectory(Schema):
         columns = [self._course(self.joints[joint], phase) for joint in self.joint_names]
         return MotionSamples(*np.stack(columns, axis=-1))
 
+    def instants(self) -> Instants:
+        """Return what gives the rows of `evaluate` (3, j) at one time [s], compiled."""
+        courses = [self.joints[joint] for joint in self.joint_names]
+        ends = np.cumsum([0, *(len(course.time) for course in courses)])
+        knots = np.concatenate([course.time for course in courses])
+        positions = np.concatenate([course.position for course in courses])
+        return partial(_courses, ends, knots, positions, self.corner)
+
     def _course(self, course: JointCourse, phase: np.ndarray) -> np.ndarray:
         """(3, n): the polygon, corrected within half of `corner` of every change of its speed."""
         knots, positions = np.array(course.time), np.array(course.position)
@@ -95,18 +105,45 @@ class SweepTrajectory(Schema):
         changes = speeds - np.roll(speeds, 1)
         since = phase - knots[:-1, np.newaxis] + self.period / 2
         since = np.mod(since, self.period) - self.period / 2
-        motion += np.einsum("k,ckn->cn", changes, _rounding(since, self.corner))
+        motion += np.einsum("k,ckn->cn", changes, np.stack(_rounding(since, self.corner)))
         return motion
 
 
-def _rounding(time: np.ndarray, corner: float) -> np.ndarray:
-    """(3, ...): a unit step of speed at time 0, averaged over `corner`, less the step itself."""
-    s = np.clip(time / corner + 0.5, 0.0, 1.0)
+def _rounding(time: np.ndarray, corner: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A unit step of speed at time 0, averaged over `corner`, less the step itself."""
+    s = np.minimum(np.maximum(time / corner + 0.5, 0.0), 1.0)
     near = np.abs(time) < corner / 2
-    return np.stack(
-        [
-            np.where(near, corner * s**3 * (1.0 - s / 2.0) - np.maximum(time, 0.0), 0.0),
-            np.where(near, s**2 * (3.0 - 2.0 * s) - (time >= 0.0), 0.0),
-            6.0 * s * (1.0 - s) / corner,
-        ]
+    return (
+        near * (corner * s**3 * (1.0 - s / 2.0) - np.maximum(time, 0.0)),
+        near * (s**2 * (3.0 - 2.0 * s) - (time >= 0.0)),
+        6.0 * s * (1.0 - s) / corner,
     )
+
+
+_rounding_once = njit(cache=True)(_rounding)  # at one time
+
+
+@njit(cache=True)
+def _courses(
+    ends: np.ndarray, knots: np.ndarray, positions: np.ndarray, corner: float, time: float
+) -> np.ndarray:
+    """Courses at one time [s]: (3, j); those of joint i have the knots ends[i]:ends[i + 1]."""
+    motion = np.zeros((3, len(ends) - 1))
+    for i in range(len(ends) - 1):
+        t, p = knots[ends[i] : ends[i + 1]], positions[ends[i] : ends[i + 1]]
+        period, last = t[-1], len(t) - 1
+        phase = time % period
+        before = (p[last] - p[last - 1]) / (t[last] - t[last - 1])
+        position = speed_now = 0.0
+        for k in range(last):
+            speed = (p[k + 1] - p[k]) / (t[k + 1] - t[k])
+            if phase >= t[k]:
+                position, speed_now = p[k] + speed * (phase - t[k]), speed
+            since = (phase - t[k] + period / 2) % period - period / 2
+            rounded = _rounding_once(since, corner)
+            for c in range(3):
+                motion[c, i] += (speed - before) * rounded[c]
+            before = speed
+        motion[0, i] += position
+        motion[1, i] += speed_now
+    return motion

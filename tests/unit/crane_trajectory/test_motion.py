@@ -4,13 +4,24 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba.core.event import install_recorder
 
+from crane_benchmark.cases.motions import Stretch
 from crane_model.errors import RangeError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
-from crane_trajectory.motion.motion import APPROACH_SHARE, RUN_UP, Motion, Phase, plan
+from crane_trajectory.motion.motion import (
+    APPROACH_SHARE,
+    RUN_UP,
+    Motion,
+    Phase,
+    compile_reference,
+    plan,
+)
+from crane_trajectory.motion.reference_clock import ReferenceClock
+from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
 
 MACHINE = load_machine()
 JOINTS = MACHINE.joint_names
@@ -159,3 +170,39 @@ def test_an_experiment_without_end_is_refused():
 def test_a_motion_of_many_periods_is_checked_as_fast_as_one():
     motion = Motion(MACHINE, TRAJECTORY, START, 10_000, approach_time=5.0)
     assert motion.violations(CLEARANCE) == []
+
+
+SWEEP = SweepTrajectory(
+    kind="sweep",
+    name="two joints",
+    period=20.0,
+    corner=1.5,
+    joints={
+        "slew": JointCourse(time=(0.0, 1.0, 1.1, 1.4, 20.0), position=(0.7, 0.9, 0.6, 0.9, 0.7)),
+        "telescope": JointCourse(time=(0.0, 3.0, 4.0, 20.0), position=(0.2, 0.9, 0.9, 0.2)),
+    },
+)
+
+
+@pytest.mark.parametrize("trajectory", [TRAJECTORY, SWEEP, Stretch(TRAJECTORY, period=14.0)])
+def test_the_reference_of_one_instant_is_that_of_an_array_of_times(trajectory):
+    motion = Motion(MACHINE, trajectory, START, 2, approach_time=3.1)
+    changes = 0.0, 3.1, motion.excitation_start, motion.excitation_end, motion.duration, 1e3
+    times = np.append(np.linspace(-1.0, motion.duration + 1.0, 3001), changes)
+    reference = motion.reference(times)
+    points = np.array([motion.at(time) for time in times])
+    np.testing.assert_allclose(points, np.stack(reference[:3], axis=1), rtol=0.0, atol=1e-12)
+    assert [motion.phase(time) for time in times] == reference.phase.tolist()
+
+
+def test_nothing_is_compiled_while_the_crane_moves():
+    compile_reference(MACHINE)
+    with install_recorder("numba:compile") as recorder:
+        for trajectory in (TRAJECTORY, SWEEP):
+            motion, clock = Motion(MACHINE, trajectory, START, 1, 5.0), ReferenceClock(0.0)
+            for time in np.arange(0.0, motion.duration + 1.0, 0.04):
+                clock.advance(0.04)
+                clock.target(motion)
+                if time > motion.excitation_start + 5.0:
+                    clock.brake()
+    assert not recorder.buffer
