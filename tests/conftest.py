@@ -35,13 +35,13 @@ LONGEST = (
     "test_report_page.py",
     "test_identify.py",
     "test_identification_node.py",
-    # in real time
+    "test_jog.py",
+    "test_sensor_monitor.py",
     "test_trajectory_node.py",
-    "test_bringup.py",
     "test_trajectory_defects.py",
     "test_following.py",
     "test_panel.py",
-    "test_jog.py",
+    "test_bringup.py",
     "test_demo.py",
 )
 MEASURED = ROOT / "runs" / "bench"  # for the manual: `make figures`

@@ -278,6 +278,14 @@ class Stage:
 
     def moving(self, commander: Commander, **commands: float) -> Self:
         """Enabled, and the commands at the valves, from where limits may hold them back."""
+        commander.send(**commands)
+
+        def heard() -> bool:
+            """Else the driver might be enabled before it hears neutral commands."""
+            self.disabled()
+            return "command neutral first" in self.call("enable")[1]
+
+        self.until(heard)
         commander.send(**dict.fromkeys(commands, 0.0))
         self.enabled()
         since = len(self.valves)

@@ -8,14 +8,13 @@ import struct
 import subprocess
 import termios
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from integration.driver_stage import Stage
-from integration.processes import CONTROLLER_PRIORITY, URGENT, end, environment, line
+from integration.processes import RUN, end, environment, line
 
-JOG = URGENT.format(module="crane_driver.operator.jog.jog_node", priority=CONTROLLER_PRIORITY)
+JOG = RUN.format(module="crane_driver.operator.jog.jog_node")
 # A jog whose terminal does not end before the file FREE exists.
 SLOW_TO_END = """
 import pathlib, time
@@ -77,30 +76,28 @@ class Terminal:
 def jogging(stage: Stage, *arguments: str, program: str = JOG) -> Iterator[Terminal]:
     """jog, with the crane enabled by it."""
     stage.until(lambda: stage.node.count_publishers("/valve_command") == 0)
-    terminal = Terminal(*arguments, program=program)
+    terminal = Terminal(*arguments, *stage.ros(), program=program)
     try:
         stage.until(lambda: "emergency stop" in terminal.text)  # the help is there
         stage.until(lambda: stage.node.count_publishers("/valve_command") == 1)
         enable(stage, terminal)
         yield terminal
     finally:
+        stage.end(terminal.process)
         terminal.close()
 
 
 def enable(stage: Stage, terminal: Terminal) -> None:
-    def enabled() -> bool:
-        stage.disabled()
-        terminal.type("e")
-        return stage.within(lambda: stage.valves[-1].enabled)
-
-    stage.until(enabled)
+    stage.disabled()
+    terminal.type("e")
+    stage.until(lambda: stage.valves[-1].enabled)
 
 
 def hold(stage: Stage, terminal: Terminal, key: str, seconds: float) -> float:
-    """Repeat a key as a terminal does; when the last character was typed, by the steady clock."""
-    first = last = time.monotonic()
+    """Repeat a key as a terminal does; when the last character was typed, by the crane's time."""
+    first = last = stage.now
     while last < first + seconds:
-        last = time.monotonic()
+        last = stage.now
         terminal.type(key)
         stage.within(lambda: False, REPEAT)
     return last

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from ament_index_python.packages import get_package_prefix
+from integration.real_time import need_real_time
 from integration.workshop import OFFSETS, VALVES, WIRING, Tool, Workshop
 from laboratory_crane import JOINTS
 
@@ -38,6 +39,7 @@ FAST = ["--joints", *MEASURED, *QUICK]
 
 @pytest.fixture(scope="module")
 def shop(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
+    need_real_time()
     one = Workshop(tmp_path_factory.mktemp("bringup"))
     try:
         drive_with(one, one.naive)

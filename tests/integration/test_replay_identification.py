@@ -16,8 +16,6 @@ from crane_interfaces.msg import ParameterEstimate
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 
-pytestmark = pytest.mark.realtime
-
 FORGETTING = 0.9999
 TOPICS = ("/joint_states", "/cylinder_pressures")
 
@@ -61,8 +59,9 @@ def test_a_played_bag_gives_the_estimate_of_the_offline_recursion(ros: Graph, ba
     node = ros.start(
         "identification", "--ros-args", "-p", parameter, package="crane_identification"
     )
-    # in the rhythm of the recording: a node that falls behind by more than its queues loses some
-    player = ros.start("player", bag, "--topics", *TOPICS, "--wait-for", *TOPICS)
+    # slowly: the queues of the node hold ten seconds, and what is later is lost
+    given = "--topics", *TOPICS, "--wait-for", *TOPICS, "--rate", "0.5"
+    player = ros.start("player", bag, *given)
     ros.wait(lambda: not player.running)
     ros.wait(lambda: counters.get("samples [-]") == str(offline.samples))
     ros.wait(lambda: estimates and estimates[-1].samples == offline.samples)

@@ -1,17 +1,15 @@
 """The sensor monitor as a process: a plug is pulled at the simulated crane while it moves."""
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from integration.commander import Commander
 from integration.driver_stage import LATCHED, Stage, commander
-from integration.jogging import enable, hold, jogging
-from integration.patient_files import patient_safety
-from integration.processes import PATIENCE, RUN, end, start
+from integration.faults import operate
+from integration.jogging import hold, jogging
+from integration.processes import PATIENCE, RUN, start
 from unit.crane_observer.observed import known
 
 from crane_interfaces.msg import DriverState, SensorFindings
@@ -24,13 +22,12 @@ from crane_observer.monitor.watching import Heed
 MONITOR = RUN.format(module="crane_observer.node.sensor_monitor_node")
 POSE = ["slew=0", "inner_boom=0.5", "outer_boom=-1.3", "telescope=0.6"]
 DIAGNOSED = "sensor_monitor: sensors"
-BACK, LEAST = -1.3, -1.6  # rad; the outer boom goes down to -2.7
 UP = "k"  # the key that raises the inner boom
 
 
 @pytest.fixture
 def stage(tmp_path: Path, ros_domain: int) -> Iterator[Stage]:
-    made = Stage(tmp_path, POSE, operator=True, safety=patient_safety(tmp_path))
+    made = Stage(tmp_path, POSE, operator=True)
     yield made
     made.close()
 
@@ -43,20 +40,13 @@ def monitored(
     save_model(folder / "model.yaml", model or known())
     told: list[SensorFindings] = []
     stage.node.create_subscription(SensorFindings, "sensor_findings", told.append, LATCHED)
-    process = start(MONITOR, "--ros-args", "-p", f"model:={folder / 'model.yaml'}")
+    process = start(MONITOR, *stage.ros(model=folder / "model.yaml"))
     try:
         stage.until(lambda: DIAGNOSED in stage.diagnostics or process.poll() is not None)
         assert process.poll() is None
         yield told
     finally:
-        assert end(process) == 0
-
-
-def fail(stage: Stage, fault: str) -> None:
-    """From now on, at the simulated crane."""
-    assert stage.machine.stdin
-    stage.machine.stdin.write(f"fault={fault}\n")
-    stage.machine.stdin.flush()
+        assert stage.end(process) == 0
 
 
 def found(told: list[SensorFindings]) -> bool:
@@ -69,20 +59,6 @@ def go_on(stage: Stage, states: int) -> None:
     stage.until(lambda: len(stage.states) > since + states)
 
 
-def has_way_to_go(stage: Stage, hand: Commander) -> bool:
-    """Whether the outer boom moves down and will for seconds; else it is brought back before."""
-    if outer_boom(stage) < LEAST:
-        stage.moved(hand, lambda: outer_boom(stage) > BACK, outer_boom=0.25)
-    stage.moving(hand, outer_boom=-0.25)
-    return outer_boom(stage) > LEAST
-
-
-def outer_boom(stage: Stage) -> float:
-    """Where it stands [rad]."""
-    state = stage.measured()
-    return float(state.position[list(state.name).index("outer_boom")])
-
-
 def first_found(stage: Stage, told: list[SensorFindings]) -> SensorFindings:
     """What is found first, which is an encoder of the outer boom that lies."""
     stage.until(lambda: found(told))
@@ -92,21 +68,18 @@ def first_found(stage: Stage, told: list[SensorFindings]) -> SensorFindings:
     return first
 
 
-@pytest.mark.realtime
 def test_an_encoder_that_freezes_in_mid_motion_is_named(tmp_path: Path, stage: Stage) -> None:
     with monitored(tmp_path, stage) as told, commander(stage) as hand:
         stage.moving(hand, outer_boom=-0.25)
         go_on(stage, 300)
         assert not found(told), "nothing was wrong yet"
         stage.until(lambda: stage.diagnostics[DIAGNOSED][0] == b"\x00")
-        stage.until(lambda: has_way_to_go(stage, hand))
-        fail(stage, "outer_boom.encoder.stuck")
+        operate(stage, "fault=outer_boom.encoder.stuck")
         assert list(first_found(stage, told).joint) == ["outer_boom"]
         stage.until(lambda: stage.diagnostics[DIAGNOSED][0] != b"\x00")
         stage.until(lambda: not stage.valves[-1].enabled)
 
 
-@pytest.mark.realtime
 def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: Stage) -> None:
     """A drift is neither frozen nor a jump: the driver by itself would go on."""
     client = DriverClient(stage.node)
@@ -115,19 +88,11 @@ def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: St
         return client.state.state == DriverState.STATE_FAULT
 
     with monitored(tmp_path, stage) as told, jogging(stage) as terminal:
-        deadline = time.monotonic() + PATIENCE
-
-        def rises(seconds: float) -> None:
-            if stopped():  # a test machine that is too busy makes true faults
-                enable(stage, terminal)
-            hold(stage, terminal, UP, seconds)
-            assert time.monotonic() < deadline
-
-        rises(1.0)
+        hold(stage, terminal, UP, 1.0)
         assert not found(told)
-        fail(stage, "inner_boom.encoder.drift=0.05")
+        operate(stage, "fault=inner_boom.encoder.drift=0.05")
         while not found(told):
-            rises(0.2)
+            hold(stage, terminal, UP, 0.2)
         stage.until(stopped)
         assert client.state.fault == DriverState.FAULT_LYING
         assert client.state.source == "inner_boom"
@@ -143,9 +108,8 @@ def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: St
         assert not done and "let sensor_monitor forget it" in why
 
 
-@pytest.mark.realtime
 def test_without_hydraulics_an_encoder_that_jumps_is_named(tmp_path: Path, stage: Stage) -> None:
-    """By less than the driver sees by itself; at rest, where no stamp of a busy computer counts."""
+    """By less than the driver sees by itself."""
     bare = replace(known(), hydraulics=None)
     with monitored(tmp_path, stage, bare) as told:
         with commander(stage) as hand:
@@ -154,7 +118,7 @@ def test_without_hydraulics_an_encoder_that_jumps_is_named(tmp_path: Path, stage
         go_on(stage, 600)
         assert not found(told), "nothing was wrong yet"
         stage.until(lambda: stage.diagnostics[DIAGNOSED][1] == Heed.ALONE.value)
-        fail(stage, "outer_boom.encoder.jump=0.005")
+        operate(stage, "fault=outer_boom.encoder.jump=0.005")
         assert list(first_found(stage, told).kind) == ["jump"]
 
 

@@ -79,23 +79,18 @@ def at_work(*options: object, pace: Sequence[str] = ("--lock-step",)) -> Iterato
         one.link.close()
 
 
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    with at_work() as one:
-        yield one
-
-
-def test_it_moves_on_command_and_stops_when_commands_do(bench: Bench) -> None:
-    bench.until(lambda: bench.state == "Neutral")
-    before = bench.position("telescope")
-    bench.until(lambda: bench.position("telescope") > before + 0.02, telescope=0.5)
-    bench.until(lambda: bench.state == "Enabled", telescope=0.5)
-    bench.until(lambda: bench.state == "CommandTimeout")
-    stopped = len(bench.readings)
-    bench.until(lambda: len(bench.readings) > stopped + 1000)
-    there = bench.position("telescope")
-    bench.until(lambda: len(bench.readings) > stopped + 2000)
-    assert bench.position("telescope") == pytest.approx(there, abs=2e-4)
+def test_it_moves_on_command_and_stops_when_commands_do() -> None:
+    with at_work() as bench:
+        bench.until(lambda: bench.state == "Neutral")
+        before = bench.position("telescope")
+        bench.until(lambda: bench.position("telescope") > before + 0.02, telescope=0.5)
+        bench.until(lambda: bench.state == "Enabled", telescope=0.5)
+        bench.until(lambda: bench.state == "CommandTimeout")
+        stopped = len(bench.readings)
+        bench.until(lambda: len(bench.readings) > stopped + 1000)
+        there = bench.position("telescope")
+        bench.until(lambda: len(bench.readings) > stopped + 2000)
+        assert bench.position("telescope") == pytest.approx(there, abs=2e-4)
 
 
 def sent_and_due(bench: Bench) -> tuple[int, float]:
