@@ -33,6 +33,7 @@ from crane_nodes.names import full_name
 from crane_nodes.node_time import NodeTime
 from crane_nodes.parameters import declare, hold
 from crane_nodes.ready import say_ready
+from crane_nodes.scheduling import RealTime, RealTimeSettings
 from crane_trajectory.control.controller import compile_command
 from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.controller_topics import Leading
@@ -48,6 +49,7 @@ from crane_trajectory.trajectory_parameters import (
     CLEARANCE,
     FIXED,
     LEARNT_OUTPUT,
+    PRIORITY,
     STATES_TIMEOUT,
     parameters_of,
 )
@@ -69,6 +71,7 @@ class Trajectory(LifecycleNode):
         self._machine = declare_machine(self)
         declare(self, (*FIXED, LEARNT_OUTPUT), read_only=(AUTOSTART,))
         self._tuning_parameters = TuningParameters(self, self._machine, changed=self._retune)
+        self._realtime: RealTime | None = None
         self._lifecycle = "unconfigured"
         hold(self, FIXED, lambda: self._lifecycle)
         self._clearance: Clearance | None = None
@@ -115,6 +118,10 @@ class Trajectory(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen to the joint states; nothing moves before a goal."""
+        settings = RealTimeSettings(int(PRIORITY.read(self)), lock_memory=False)
+        self._realtime = RealTime(settings).begin()  # all is compiled
+        for refused in self._realtime.refused:
+            self.get_logger().warning(f"real time: no {refused}")
         self._ready.forget_states()
         self._leading.listen()
         self._states = self.create_subscription(JointState, "joint_states", self._state, NEWEST)
@@ -125,6 +132,8 @@ class Trajectory(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Bring the crane to rest first."""
         self._end("the node was deactivated")
+        if self._realtime:
+            self._realtime.end()
         self._lifecycle = "inactive"
         return super().on_deactivate(state)
 

@@ -83,10 +83,20 @@ STATES_TIMEOUT = Number(
     1.0,
     "Silence of joint_states after which the crane is brought to rest. At configure",
 )
+PRIORITY = Number(
+    "realtime.priority",
+    0,
+    "-",
+    0,
+    99,
+    "Real-time priority (SCHED_FIFO) while the node is active, if the system permits it; 0: none. "
+    "At configure",
+    whole=True,
+)
 SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest spool command{LIVE}")
 FIXED = (
     AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, FEEDBACK_SCALE, LARGEST_TIP_LOAD, LEARNING,
-    STATES_TIMEOUT,
+    STATES_TIMEOUT, PRIORITY,
 )  # fmt: skip
 
 

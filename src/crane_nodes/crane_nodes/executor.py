@@ -60,7 +60,6 @@ class KeptExecutor(SingleThreadedExecutor):
         Exception
             Whatever a callback raises.
         """
-        self._run_tasks()
         wait_set = self._filled()
         wait_set.wait(-1 if timeout_sec is None else int(timeout_sec * 1e9))
         if not self._context.ok():
