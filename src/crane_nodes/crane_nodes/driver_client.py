@@ -38,8 +38,7 @@ class DriverWatch:
     def __init__(self, node: Node, told: Callable[[DriverState], None] = lambda state: None):
         self._node, self._told = node, told
         self._states: dict[str, tuple[float, DriverState]] = {}  # by driver, and when it came
-        simulated = node.get_parameter("use_sim_time").value is True
-        self._silence = PATIENCE_S if simulated else DRIVER_SILENCE_S
+        self._simulated = node.get_parameter("use_sim_time").value is True
         self.newest = DriverState()  # however old; of whichever driver has told it
         topic = node.create_subscription(DriverState, STATE_TOPIC, self._receive, ALL_DRIVERS)
         self._topic = topic.topic_name
@@ -73,7 +72,8 @@ class DriverWatch:
 
     def _heard(self) -> list[DriverState]:
         """The newest of each driver that is not silent."""
-        since = time.monotonic() - self._silence
+        silence = PATIENCE_S if self._simulated else DRIVER_SILENCE_S
+        since = time.monotonic() - silence
         return [state for came, state in self._states.values() if came >= since]
 
     def _receive(self, message: DriverState) -> None:

@@ -73,7 +73,7 @@ class KeptExecutor(SingleThreadedExecutor):
         """Do the same, unless `future` is done."""
         if not future.done():
             limited = isinstance(timeout_sec, TimeoutObject)
-            self.spin_once(timeout_sec.timeout if limited else timeout_sec)
+            self.spin_once(timeout_sec.timeout if limited else timeout_sec)  # type: ignore
 
     def _filled(self) -> Any:
         """The wait set, with all entities: a wait takes out those that are not ready."""

@@ -37,11 +37,11 @@ class NodeTime:
         """Of a publisher, whose messages a process that is starved must not lose."""
         self._heard = time.monotonic()
         self._newest = 0
-        if self.simulated:
-            source = node._time_source
-            node.destroy_subscription(source._clock_sub)  # it does not tell that the clock is alive
+        source = node._time_source
+        self._told: Callable[[Clock], None] = source.clock_callback
+        if source._clock_sub is not None:  # which does not tell that the clock is alive
+            node.destroy_subscription(source._clock_sub)
             source._clock_sub = None
-            self._told: Callable[[Clock], None] = source.clock_callback
 
     def listen(self) -> None:
         """Follow `/clock`."""

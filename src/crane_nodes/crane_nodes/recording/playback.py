@@ -75,7 +75,7 @@ def _obstacle(reader: Reader, found: Sequence[Connection], onto: str, allow: boo
     name, msgtype = found[0].topic, found[0].msgtype
     if onto.rpartition("/")[2] == COMMAND and not allow:
         return "would move the crane; --allow-valve-command plays it"
-    if onto == CLOCK:
+    if onto.rpartition("/")[2] == CLOCK:
         return "the time of the bag is played there"
     if len({one.msgtype for one in found}) > 1:
         return "has messages of more than one type"
