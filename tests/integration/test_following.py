@@ -132,7 +132,7 @@ def test_computed_force_leads_a_motion_with_a_probe_on_top(crane: Experiments) -
     order = list(SHORT["joints"])
     errors = dict(zip(result.name, result.rms_tracking_error, strict=True))
     assert max(errors.values()) < 10e-3, errors
-    assert likeness(crane, probe, order) > 0.4  # cycles are not on time: 0.49 on a busy machine
+    assert likeness(crane, probe, order) > 0.8
     assert likeness(crane, probe, [*order[1:], order[0]]) < 0.25  # as by chance: none is in place
 
 
