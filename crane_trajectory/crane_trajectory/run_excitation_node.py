@@ -5,6 +5,7 @@ HAZARD: the crane moves by itself. Ctrl-C brings it to rest; software is no safe
 
 import argparse
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +28,7 @@ from crane_nodes.context import Stop, ros
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.ready import say_ready
+from crane_nodes.scheduling import PATIENCE_S
 from crane_trajectory.experiment import Outcome
 from crane_trajectory.motion.motion import Phase
 from crane_trajectory.run_excitation_action import ACTION
@@ -70,7 +72,7 @@ class RunExcitationClient(Node):
     @contextmanager
     def enabled(self) -> Iterator[None]:
         """The driver, enabled within the `with` block; `ExcitationError` if it refuses."""
-        self._await(lambda: self._driver.ready, "no driver to enable; start one")
+        self._await(lambda: self._driver.ready, lambda: self._driver.problem)
         self._accepted(self._driver.enable())
         try:
             yield
@@ -79,7 +81,7 @@ class RunExcitationClient(Node):
 
     def run(self, trajectory: Path, periods: int) -> RunExcitation.Result:
         """The result of the goal; a signal cancels it, and it is waited for all the same."""
-        self._await(self._action.server_is_ready, "no trajectory node answers; start one")
+        self._await(self._action.server_is_ready, lambda: "no trajectory node answers; start one")
         say_ready(self)
         goal = RunExcitation.Goal(trajectory=name_for_node(trajectory), periods=periods)
         with progress_bar("", 0.0, form=ELAPSED, patience=0.0) as bar:
@@ -124,14 +126,16 @@ class RunExcitationClient(Node):
             raise ExcitationError(f"the driver refuses: {answer.message}")
 
     def _answer(self, future: Future, asked: str) -> Any:
-        self._await(future.done, f"{asked} does not answer; see its log")
+        self._await(future.done, lambda: f"{asked} does not answer; see its log")
         return future.result()
 
-    def _await(self, condition: Callable[[], bool], otherwise: str) -> None:
-        until = self.get_clock().now().nanoseconds + DISCOVERY_TIMEOUT_S * 1e9
+    def _await(self, condition: Callable[[], bool], otherwise: Callable[[], str]) -> None:
+        simulated = self.get_parameter("use_sim_time").value is True
+        longest = PATIENCE_S if simulated else DISCOVERY_TIMEOUT_S  # of real time in both cases
+        until = time.monotonic() + longest
         while not condition():
-            if self.get_clock().now().nanoseconds > until:
-                raise ExcitationError(f"{otherwise} (waited {DISCOVERY_TIMEOUT_S:g} s)")
+            if time.monotonic() > until:
+                raise ExcitationError(f"{otherwise()} (waited {longest:g} s)")
             self._worker.spin_once(timeout_sec=WAKE)
 
 

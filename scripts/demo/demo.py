@@ -13,6 +13,7 @@ import argparse
 import os
 import shutil
 import sys
+from contextlib import ExitStack
 
 import following
 import homecoming
@@ -20,6 +21,7 @@ import live
 import missing
 import real_time
 import unplugged
+from domain_coordinator import domain_id
 from figures import write_figures
 from laws import OUT, Law, dynamic_law, identify, make_bags, report_law
 from outcome import FILE, Unplugged, recorded
@@ -63,20 +65,25 @@ def main() -> int:
     console = terminal.console(WIDTH)
     steps = Steps(console, 8 if options.realtime else 7)
     shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
-    domain = live.own_domain()
     OUT.mkdir(parents=True)
-    variables = this_computer.patient_variables(os.environ, OUT)
-    environment = {"ROS_DOMAIN_ID": str(domain)} | variables
-    os.environ.update(environment)
     try:
-        with Processes(OUT / "logs", environment, not options.realtime) as suite:
+        with ExitStack() as stack:
+            domain = stack.enter_context(domain_id(live.foreign_domain))
+            environment = this_computer.patient_variables(os.environ, OUT)
+            environment["ROS_DOMAIN_ID"] = str(domain)
+            os.environ.update(environment)
+            suite = Processes(OUT / "logs", environment, not options.realtime)
+            stack.enter_context(suite)
             if options.view:
                 console.print(f"open in a browser: {live.show(suite, laws[0])}")
-            if options.realtime:
-                usual = 40.0 * (1 + real_time.RATES.index(options.rate))
-                with steps.step("check", "can this computer hold the rate?", usual):
-                    real_time.check(suite, domain, laws[0], options.rate)
-            _demo(steps, suite, domain, laws, options.seed)
+            try:
+                if options.realtime:
+                    usual = 40.0 * (1 + real_time.RATES.index(options.rate))
+                    with steps.step("check", "can this computer hold the rate?", usual):
+                        real_time.check(suite, domain, laws[0], options.rate)
+                _demo(steps, suite, domain, laws, options.seed)
+            except OSError as error:
+                raise DemoError(f"{error}; logs: {OUT}/logs") from error
     except DemoError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -1,6 +1,7 @@
 """The live half of the demo: the suite as processes around the stand-in machine, on a CAN bus."""
 
 import os
+import random
 import re
 import socket
 import subprocess
@@ -25,7 +26,6 @@ from crane_nodes.node_time import NodeTime
 
 # As docs/how_to/real_time.md has them; the driver asks for 50.
 MACHINE_PRIORITY, CONTROLLER_PRIORITY = 60, 40
-DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
 FIT_PERIODS, VALIDATION_PERIODS, FOLLOW_PERIODS = 3, 2, 1
 NAME = "demo"
 VIEWER = "viewer"
@@ -229,10 +229,10 @@ def record_to(suite: Processes, bag: Path) -> None:
     suite.start("recorder", "crane_nodes", "recorder", "--out", bag, "--ros-args", *suite.clock)
 
 
-def own_domain() -> int:
-    """A ROS domain for this demo: never the user's, in which a real crane may be."""
-    domain = 1 + os.getpid() % DOMAINS
-    return domain if str(domain) != os.environ.get("ROS_DOMAIN_ID") else 1 + domain % DOMAINS
+def foreign_domain() -> int:
+    """A ROS domain that is not the user's, in which a real crane may be."""
+    own = os.environ.get("ROS_DOMAIN_ID", "0")
+    return random.choice([one for one in range(1, 101) if str(one) != own])
 
 
 def _free_port() -> int:
