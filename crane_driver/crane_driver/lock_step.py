@@ -53,6 +53,7 @@ class LockStepDriver(ActiveDriver):
         super().__init__(*arguments)
         self._clock, self._listeners = clock, frozenset(listeners)
         self._time = 0  # of the newest cycle [ns]
+        self._gone = 0.0  # s that time went on without the crane: it never goes back
         self._frames: deque[Frame] = deque()
         self._train: list[Frame] = []  # of the cycle that is coming
         self._joined = False  # whether the frames of a cycle are heard from its first one on
@@ -81,7 +82,7 @@ class LockStepDriver(ActiveDriver):
 
     def _now(self) -> float:
         """Simulated time [s]; if the crane is gone, the steady clock goes on from there."""
-        return self._time / NANOSECONDS + max(0.0, self._silent() - PATIENCE_S)
+        return self._time / NANOSECONDS + self._gone + max(0.0, self._silent() - PATIENCE_S)
 
     def _silent(self) -> float:
         """For how long nothing has come from the crane that is to go on [s, real]."""
@@ -122,8 +123,9 @@ class LockStepDriver(ActiveDriver):
                 self._joined = True
                 self._train.clear()
             elif told != self._time:
+                self._gone += max(0.0, self._silent() - PATIENCE_S)
                 self._time, self._waiting, self._since = told, True, time.monotonic()
-                steady = told / NANOSECONDS
+                steady = self._now()
                 self._train = [one._replace(stamp=told, steady=steady) for one in self._train]
                 return True
             else:  # the crane repeats itself, and may have missed the answer
