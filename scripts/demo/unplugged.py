@@ -171,7 +171,7 @@ def unplug(suite: Processes, domain: int, law: Law, seed: int, joint: str, say: 
         suite.until(lambda: hand.substitute(joint), "the driver takes no substitute")
         suite.until(hand.reset, "the fault is not reset")
         suite.until(hand.silent, "somebody commands the valves")
-        with Keyboard(suite, law.machine) as keys:
+        with Keyboard(suite, law.machine, hand.clock.now) as keys:
             _go_home(suite, hand, keys, law)
             home = hand.now
             suite.until(lambda: _disabled(hand, keys), "the driver is not disabled")
