@@ -34,10 +34,10 @@ echo "tests: 14 min on two fast cores, twice as long on slow ones"
 before=$(idle)
 sleep 2
 free=$((($(idle) - before) / 2)) # % of a core
-# What crane, driver, who commands and the test take: 80 % of a core that multiplies a million times
+# What crane, driver, who commands and the test take: 40 % of a core that multiplies a million times
 # in 14 ms.
 slowness="from statistics import median; from timeit import repeat
-print(round(80 / 0.014 * median(repeat('for i in range(1000000): i * i', number=1, repeat=9))))"
+print(round(40 / 0.014 * median(repeat('for i in range(1000000): i * i', number=1, repeat=9))))"
 machine=$(python -c "$slowness") # % of a core
 at_once=$((free > 2 * machine ? free / machine : 1))
 

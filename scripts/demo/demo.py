@@ -100,11 +100,11 @@ def _demo(steps: Steps, suite: Processes, domain: int, laws: tuple[Law, Law], se
     for one in laws:
         (one.folder / "bags").mkdir(parents=True, exist_ok=True)
         one.note_planted(suite)
-    with steps.step("live", "two experiments, live: driver, trajectory, identification", 190.0):
+    with steps.step("live", "two experiments, live: driver, trajectory, identification", 90.0):
         live.record(suite, domain, law, seed, say)
-    with steps.step("bags", f"two bags of {dynamic.name}, without a driver", 20.0):
+    with steps.step("bags", f"two bags of {dynamic.name}, without a driver", 5.0):
         make_bags(suite, dynamic)
-    with steps.step("identify", "identification: fit, validation on the other bag, report", 40.0):
+    with steps.step("identify", "identification: fit, validation on the other bag, report", 50.0):
         identify(suite, *laws)
     outcome = recorded(law)
     say(
@@ -121,12 +121,12 @@ def _demo(steps: Steps, suite: Processes, domain: int, laws: tuple[Law, Law], se
             followed = following.measured(law)
             following.draw(law)
             say(following.table(law, followed), f"Picture: {following.PICTURE}")
-    with steps.step("unplugged", "an encoder fails in motion; home without it", 90.0):
+    with steps.step("unplugged", "an encoder fails in motion; home without it", 55.0):
         if followed:
             lost = _unplug(steps, suite, domain, law, seed)
-    with steps.step("missing_bags", "bags of a machine with an effect the model lacks", 20.0):
+    with steps.step("missing_bags", "bags of a machine with an effect the model lacks", 60.0):
         missing.make_bags(suite, law, seed)
-    with steps.step("diagnose", "which effect is it? asked of the bags alone", 30.0):
+    with steps.step("diagnose", "which effect is it? asked of the bags alone", 25.0):
         missing.diagnose(suite, law)
     say(missing.answer(suite), highlight=False)
     say(missing.table())

@@ -15,7 +15,6 @@ from crane_bags.types import JOINT_STATES, VALVE_COMMAND
 
 DEMO = Path(__file__).parents[2] / "scripts" / "demo" / "demo.py"
 MARK = "CRANE_DEMO_UNDER_TEST"
-pytestmark = pytest.mark.realtime
 
 
 @pytest.fixture
