@@ -17,8 +17,7 @@ from rclpy.task import Future
 from crane_interfaces.action import RunExcitation
 from crane_model.errors import ConfigurationError, CraneError
 from crane_nodes.node_time import NodeTime
-from crane_nodes.scheduling import PATIENCE_S
-from crane_trajectory.aside import give_way
+from crane_nodes.scheduling import PATIENCE_S, give_way
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.motion import Motion
 from crane_trajectory.motion.periodic import PeriodicTrajectory

@@ -80,6 +80,12 @@ class RealTime:
         schedule(os.getpid(), *self._before)
 
 
+def give_way() -> None:
+    """From now on this thread, and what it starts, has no real-time priority: it computes long."""
+    if os.sched_getscheduler(0) in (os.SCHED_FIFO, os.SCHED_RR):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def prefer(process: int, priority: int) -> bool:
     """Give another process, by its id, a priority of SCHED_FIFO; return whether that is permitted.
 
