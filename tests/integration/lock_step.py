@@ -102,6 +102,8 @@ class Suite:
         )
 
     def __exit__(self, *_: object) -> None:
+        if excitation := self.processes.get("excitation"):
+            excitation.kill()  # it may wait for one that was killed
         for name in reversed(self.processes):
             end(self.processes[name], signal.SIGINT)
         self._executor.shutdown()

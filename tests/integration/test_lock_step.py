@@ -57,7 +57,7 @@ def test_processes_that_are_stopped_for_a_while(
 @pytest.mark.parametrize(
     ("killed", "fault"),
     [
-        ("crane", DriverState.FAULT_MISSING),
+        ("crane", DriverState.FAULT_LATE),
         ("trajectory", DriverState.FAULT_COMMAND_TIMEOUT),
     ],
 )

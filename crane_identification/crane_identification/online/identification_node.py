@@ -42,6 +42,11 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
+SERIES = QoSProfile(
+    depth=10,  # no estimate is lost while a process of the computer is starved
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
 PUBLISH = 1.0  # s, of diagnostics
 AHEAD = 1.0  # s, by which simulated time may be ahead of what was learned
 VISIT = 0.05  # s between two visits to the queues, which hold 100 times as much
@@ -123,7 +128,7 @@ class Identification(LifecycleNode):
         self._listening: list[tuple[Polled, Callable[[Any, int], None]]] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._estimates = self.create_lifecycle_publisher(
-            ParameterEstimate, "parameter_estimate", LATCHED
+            ParameterEstimate, "parameter_estimate", SERIES if self._time.simulated else LATCHED
         )
         self._forces = self.create_lifecycle_publisher(
             GeneralizedForces, "generalized_forces", DEEP
