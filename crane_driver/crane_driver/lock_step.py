@@ -177,8 +177,10 @@ class LockStepDriver(ActiveDriver):
         open_valves = any(supervisor.sent.values())
         if supervisor.state is not self._state or open_valves:
             self._state, self._changed = supervisor.state, self._time
-        if waited < PATIENCE_S and (behind := self._behind()):
-            return behind
+        if behind := self._behind():
+            if waited < PATIENCE_S:
+                return behind
+            del self._taken[behind]  # until it says again how far it has come
         cycles = (self._time - self._answered) / (self.loop.cycle * NANOSECONDS)
         if supervisor.letting_through and self._commanders():
             if cycles < 0.5:

@@ -11,6 +11,7 @@ from crane_model.cli import command_line
 from crane_nodes.parameters import NodeParameter
 
 WIDTH = 98
+SIMULATED = "  use_sim_time (default: false)\n      Run on simulated time, which /clock tells"
 
 
 def check_arguments(
@@ -21,7 +22,7 @@ def check_arguments(
         prog=name,
         usage=f"{name} [-h] [--ros-args [-p PARAMETER:=VALUE] [--params-file FILE] ...]",
         description=about,
-        epilog="\n".join(["parameters:", *map(_entry, parameters)]),
+        epilog="\n".join(["parameters:", *map(_entry, parameters), SIMULATED]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.parse_args(own_arguments(argv))

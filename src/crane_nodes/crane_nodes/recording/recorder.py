@@ -65,7 +65,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_line(
         prog="recorder",
         description="Records topics to an mcap bag until Ctrl-C, as their publishers come.",
-        epilog="ROS arguments follow --ros-args. A bag whose recorder was killed is mended by: "
+        epilog="ROS arguments follow --ros-args, for example -p use_sim_time:=true for a bag of "
+        "simulated time. A bag whose recorder was killed is mended by: "
         "ros2 run crane_nodes recover BAG --out NEW",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="a new folder")
