@@ -6,17 +6,17 @@ import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import rclpy
 import yaml
 from integration.processes import RUN, end, environment, free_port, line
+from mcap.reader import make_reader
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
-from crane_bags.reader import read_topics
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     GENERALIZED_FORCES,
@@ -25,6 +25,8 @@ from crane_bags.types import (
     PARAMETER_ESTIMATE,
     VALVE_COMMAND,
     VALVE_OUTPUT,
+    double_fields,
+    typestore,
 )
 from crane_nodes import this_computer
 from crane_nodes.driver_client import DriverClient
@@ -155,13 +157,28 @@ Signals = dict[str, dict[str, np.ndarray]]
 
 
 def signals(bag: Path) -> Signals:
-    """By topic and field, `stamp` among them: what was measured, commanded and estimated."""
-    found = {}
-    topics = read_topics(bag, SIGNALS)
-    for topic in SIGNALS:
-        table = topics[topic.name]
-        found[topic.name] = {"stamp": table.stamp} | dict(table.fields)
-    return found
+    """By topic and field, `stamp` among them: what was measured, commanded and estimated.
+
+    In the order of the bag, whenever a message was recorded.
+    """
+    store = typestore()
+    columns: dict[str, dict[str, list[Any]]] = {
+        topic.name: {name: [] for name in ("stamp", *double_fields(store, topic.msgtype))}
+        for topic in SIGNALS
+    }
+    for path in sorted(bag.glob("*.mcap")):
+        with path.open("rb") as file:
+            for schema, channel, recorded in make_reader(file).iter_messages(list(columns)):
+                assert schema
+                message: Any = store.deserialize_cdr(recorded.data, schema.name)
+                stamp = message.header.stamp
+                for name, column in columns[channel.topic].items():
+                    told = stamp.sec * 10**9 + stamp.nanosec if name == "stamp" else None
+                    column.append(getattr(message, name) if told is None else told)
+    return {
+        topic: {name: np.array(column) for name, column in fields.items()}
+        for topic, fields in columns.items()
+    }
 
 
 def assert_same(one: Signals, two: Signals) -> None:

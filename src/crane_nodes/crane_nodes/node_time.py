@@ -44,7 +44,7 @@ class NodeTime:
             source._clock_sub = None
 
     def listen(self) -> None:
-        """Follow `/clock`."""
+        """Subscribe to the clock of the namespace; the driver, which publishes it, does not."""
         if self.simulated:
             self._node.create_subscription(Clock, CLOCK_TOPIC, self.tell, NEWEST)
 

@@ -14,7 +14,7 @@ from crane_driver.can.decoder import Readings
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
-from crane_driver.can.simulated_time import START_NS, STEP, TIME, step_frame, told_time
+from crane_driver.can.simulated_time import START_NS, STEP, TIME, step_frame, time_frame, told_time
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.bus.machine_on_bus import LONGEST_STEP, MachineOnBus
@@ -237,12 +237,12 @@ def test_a_driver_that_answers_late_is_waited_for_again(monkeypatch: pytest.Monk
     link, stop = LateDriver(), threading.Event()
     crane = LockStep(link, threading.Event(), CYCLE)  # type: ignore[arg-type]
     link.frames = [step_frame(crane.time)]
-    crane.wait(stop)  # the driver is there
-    crane.wait(stop)  # and gone: time goes on
+    crane.wait(stop, [time_frame(crane.time)])  # the driver is there
+    crane.wait(stop, [time_frame(crane.time)])  # and gone: time goes on
     assert crane.answer == []
     monkeypatch.undo()
     link.frames = [step_frame(START_NS)]
-    crane.wait(stop)
+    crane.wait(stop, [time_frame(crane.time)])
     assert [told_time(one, STEP) for one in crane.answer] == [START_NS, START_NS + 2e9 * CYCLE]
 
 
