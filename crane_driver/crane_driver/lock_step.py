@@ -208,6 +208,12 @@ class LockStepDriver(ActiveDriver):
         while self._listeners and self._state is not SafetyState.OFFLINE and not self._rests:
             await self._next_look
 
+    def substitute(self, joint: str) -> str:
+        """Do the same as in real time; what it changes is to be seen, so time goes on."""
+        said = super().substitute(joint)
+        self._changed = self._time
+        return said
+
     def _behind(self) -> str:
         """Name a node that the crane would leave behind."""
         if not self._late():
