@@ -81,8 +81,9 @@ class Hand(Onlooker):
         return float(self.estimate.position[list(self.estimate.name).index(joint)])
 
     def reads(self, joint: str) -> bool:
-        """Return whether the encoder of a joint is read."""
-        self._look()
+        """Return whether the encoder of a joint is read; a jump to where it is has to be reset."""
+        if self.in_state(DriverState.STATE_FAULT):
+            self.reset()
         readings = dict(zip(self.states.name, self.states.position, strict=True))
         return math.isfinite(readings.get(joint, math.nan))
 
