@@ -42,6 +42,7 @@ KNOWN = 3.0  # s of motion, before the plug is pulled
 FAST = 0.5  # of the joint's largest speed until then, at which it is pulled
 MOVES = 0.02  # rad/s
 HOME = {"rad": 0.02, "m": 0.01}  # from the rest pose
+AGREES = 0.05  # rad: an encoder that is mended with the estimate
 RETRY_S = 1.0
 LOOK_S = 0.02  # at most, for something that comes
 PLUGGED_IN_S = 1.0  # recorded afterwards
@@ -81,11 +82,14 @@ class Hand(Onlooker):
         return float(self.estimate.position[list(self.estimate.name).index(joint)])
 
     def reads(self, joint: str) -> bool:
-        """Return whether the encoder of a joint is read; a jump to where it is has to be reset."""
+        """Return whether the encoder of a joint is read, near the estimate.
+
+        Its jump to where the joint is has to be reset.
+        """
         if self.in_state(DriverState.STATE_FAULT):
             self.reset()
         readings = dict(zip(self.states.name, self.states.position, strict=True))
-        return math.isfinite(readings.get(joint, math.nan))
+        return abs(readings.get(joint, math.nan) - self.position(joint)) < AGREES
 
     def speed(self, joint: str) -> float:
         """By the estimate [rad/s, m/s]; 0 before it is known."""
