@@ -10,9 +10,8 @@ from processes import DemoError, Processes
 
 from crane_interfaces.msg import DriverState
 
-WATCHED_S = 20.0  # at rest, with the nodes of the act that needs most
-OBSERVERS = ("position_sensor", "sensor_monitor", "scale")
-LISTENERS = ("trajectory", "recorder", *OBSERVERS)
+WATCHED_S = 20.0  # at rest, with the nodes of the first act
+LISTENERS = (*live.LEADING, "identification")
 RATES = (200, 100, 50)  # Hz, of the encoders; 200 as shipped
 CYCLE_TIME = re.compile(r'^(BA_ "GenMsgCycleTime" BO_ \d+ )(\d+);', re.MULTILINE)
 
@@ -56,9 +55,10 @@ def _fault(suite: Processes, domain: int, law: Law, number: int) -> str:
     """What goes wrong in `WATCHED_S`; empty if nothing does."""
     with live.Onlooker(suite, domain) as onlooker:
         live.start(suite, law, 0, listeners=LISTENERS)
-        for name in OBSERVERS:
-            machine = ("--ros-args", "-p", f"machine:={law.machine}")
-            suite.start(name, "crane_observer", name, *machine)
+        suite.start(
+            *("identification", "crane_identification", "identification", "--ros-args"),
+            *("-p", f"machine:={law.machine}"),
+        )
         live.record_to(suite, OUT / "bags" / f"real_time_{number}")
         state = onlooker.settled(LISTENERS)
         end = time.monotonic() + WATCHED_S
@@ -66,7 +66,7 @@ def _fault(suite: Processes, domain: int, law: Law, number: int) -> str:
             suite.check()
             onlooker.executor.spin_once(timeout_sec=0.1)
             state = onlooker.driver.newest
-        for name in ("recorder", *reversed(OBSERVERS)):
+        for name in ("recorder", "identification"):
             suite.stop(name)
         live.stop(suite)
     return "" if state.state == DriverState.STATE_DISABLED else f"{state.cause}; {state.remedy}"
