@@ -4,7 +4,7 @@ In each cycle the readings of the crane come, and their time behind them. The sa
 whoever commands the crane answers them, and then valve frames are sent and the crane goes on. The
 load of the computer makes nothing late, and a run can be repeated to the last bit.
 
-Who is waited for, each for at most `PATIENCE_S`:
+The driver waits, each time for at most `PATIENCE_S` of real time, for
 
 - the command that answers a cycle, if its sender has answered the cycle before;
 - nodes that must not be left behind, as they say by `Pacing`.
@@ -172,7 +172,7 @@ class LockStepDriver(ActiveDriver):
             self._stepped = self._since
 
     def _awaited(self, led: bool) -> str:
-        """Who is waited for before the crane goes on; empty if nobody is."""
+        """Name what the driver waits for before the crane goes on; empty if nothing."""
         supervisor, waited = self.loop.supervisor, time.monotonic() - self._since
         open_valves = any(supervisor.sent.values())
         if supervisor.state is not self._state or open_valves:
@@ -196,7 +196,7 @@ class LockStepDriver(ActiveDriver):
 
     @property
     def _rests(self) -> bool:
-        """Whether simulated time stands still until somebody commands the crane."""
+        """Return whether simulated time stands still until somebody commands the crane."""
         supervisor = self.loop.supervisor
         if not self._listeners or any(supervisor.sent.values()):
             return False

@@ -88,15 +88,9 @@ class Onlooker:
         return self.driver.newest
 
     def ready(self, listeners: Collection[str]) -> None:
-        """Wait until these nodes listen to the driver and it can be enabled."""
-        why = ""
-
-        def lacks_nothing() -> bool:
-            nonlocal why
-            why = self.lacking(listeners)
-            return not why
-
-        self._suite.until(lacks_nothing, lambda: why)
+        """Wait until these nodes listen to the driver and it can be enabled; else `DemoError`."""
+        if self.settled(listeners).state == DriverState.STATE_FAULT:
+            raise self._suite.failed(self.lacking(listeners), "driver")
 
     def __enter__(self) -> Self:
         end = time.monotonic() + DISCOVERY_TIME_S
@@ -122,10 +116,7 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
         say("starting: simulated crane, driver, trajectory, identification, recorder")
         listeners = (*LEADING, "identification")
         start(suite, law, seed, listeners=listeners)
-        suite.start(
-            *("identification", "crane_identification", "identification", "--ros-args"),
-            *("-p", f"machine:={law.machine}", *suite.clock),
-        )
+        start_identification(suite, law)
         _experiment(suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, listeners)
         suite.stop("identification")
         say("a second, other motion, for validation")
@@ -222,6 +213,14 @@ def _experiment(
     suite.stop("recorder")
     if status:
         raise suite.failed(f"the experiment '{use}' ended early; the lines above say why", "driver")
+
+
+def start_identification(suite: Processes, law: Law) -> None:
+    """Start the node that fits the model online."""
+    suite.start(
+        *("identification", "crane_identification", "identification", "--ros-args"),
+        *("-p", f"machine:={law.machine}", *suite.clock),
+    )
 
 
 def record_to(suite: Processes, bag: Path) -> None:

@@ -1,4 +1,4 @@
-"""Whether this computer can run the demo in real time; asked before anything moves."""
+"""A check that this computer can run the demo in real time, made before anything moves."""
 
 import re
 import time
@@ -52,13 +52,10 @@ def at_rate(law: Law, rate: int) -> Path:
 
 
 def _fault(suite: Processes, domain: int, law: Law, number: int) -> str:
-    """What goes wrong in `WATCHED_S`; empty if nothing does."""
+    """Return the fault that the driver finds within `WATCHED_S`; empty if it finds none."""
     with live.Onlooker(suite, domain) as onlooker:
         live.start(suite, law, 0, listeners=LISTENERS)
-        suite.start(
-            *("identification", "crane_identification", "identification", "--ros-args"),
-            *("-p", f"machine:={law.machine}"),
-        )
+        live.start_identification(suite, law)
         live.record_to(suite, OUT / "bags" / f"real_time_{number}")
         state = onlooker.settled(LISTENERS)
         end = time.monotonic() + WATCHED_S

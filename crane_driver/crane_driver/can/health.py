@@ -125,7 +125,7 @@ class Monitor:
 
 
 def usable(faults: Sequence[Fault]) -> bool:
-    """Whether the values of a frame with these faults may be used."""
+    """Return whether the values of a frame with these faults may be used."""
     return not faults or not any(fault.kind in UNUSABLE for fault in faults)
 
 

@@ -22,7 +22,7 @@ class StallWatch:
         self._ran, self._spent = math.nan, ProcessorTime(math.nan)
 
     def ran(self, now: float, spent: ProcessorTime) -> Fault | None:
-        """What is wrong when the loop runs at `now` [s], having `spent` so much so far.
+        """Return the stall that ends when the loop runs at `now` [s], with the time `spent` so far.
 
         The first run has nothing to be late by.
         """

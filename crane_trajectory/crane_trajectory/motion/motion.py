@@ -115,7 +115,7 @@ class Motion:
         return _with_held(moving, self._columns, self.start)
 
     def phase(self, time: float) -> Phase:
-        """What the crane is doing at one time [s]."""
+        """Return the phase of the motion at one time [s]."""
         return PHASES[bisect_right(self._changes, time)]
 
     def probe(self, time: np.ndarray) -> np.ndarray:
