@@ -84,6 +84,39 @@ def test_what_is_created_in_a_callback_is_served(graph: Graph) -> None:
     assert len(found) == 1
 
 
+def test_what_a_callback_destroys_is_served_no_more(graph: Graph) -> None:
+    publisher = graph.node.create_publisher(String, "said", 10)
+    found: list[str] = []
+
+    def take(message: String) -> None:
+        found.append(message.data)
+        while entities:
+            destroy, entity = entities.pop()
+            destroy(entity)
+
+    node, trigger = graph.node, graph.node.create_guard_condition(lambda: found.append("guard"))
+    service = node.create_service(Trigger, "gone", lambda _, answer: answer)
+    client = node.create_client(Trigger, "gone")
+    graph.until(client.service_is_ready)
+    node.create_subscription(String, "said", take, 10)
+    other = node.create_subscription(String, "said", take, 10)
+    entities = [
+        (node.destroy_subscription, other),
+        (node.destroy_service, service),
+        (node.destroy_client, client),
+    ]
+    graph.until(lambda: publisher.get_subscription_count() == 2)
+    client.call_async(Trigger.Request())
+    publisher.publish(String(data="first"))
+    time.sleep(0.05)  # all are ready in one turn, if this is long enough
+    graph.until(lambda: "first" in found)
+    publisher.publish(String(data="last"))
+    graph.until(lambda: "last" in found)
+    assert "guard" not in found
+    trigger.trigger()
+    graph.until(lambda: "guard" in found)
+
+
 def test_a_polled_topic_is_left_to_who_polls_it(graph: Graph) -> None:
     publisher = graph.node.create_publisher(String, "polled", 10)
     topic = Polled(graph.node, String, "polled", QoSProfile(depth=10))
