@@ -2,14 +2,20 @@
 
 from array import array
 from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars as pl
 from cantools.database import DecodeError
 from cantools.database.can import Message
 
+from crane_driver.can.bus_log import Clock
 from crane_driver.can.dbc import Dbc
 from crane_driver.can.frame import Frame, show_id
+from crane_model.errors import DataError
+
+if TYPE_CHECKING:
+    import polars as pl
 
 
 class Sender:
@@ -76,12 +82,28 @@ class LogTable:
             )
             self._values.append(float(value))  # type: ignore[arg-type]  # names are not decoded
 
-    def table(self) -> pl.DataFrame:
-        """One row a value: stamp (UTC), id, message, signal, value, unit, in_range.
+    def write(self, path: Path, stamps: Clock) -> None:
+        """Write the table to a .csv or .parquet file; `DataError` if that fails."""
+        table = self.table(stamps)
+        try:
+            if path.suffix == ".csv":
+                table.write_csv(path)
+            else:
+                table.write_parquet(path)
+        except OSError as error:
+            raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+    def table(self, stamps: Clock) -> "pl.DataFrame":
+        """One row a value: stamp, id, message, signal, value, unit, in_range.
+
+        The stamp is of UTC, without a zone if it is local time. If the log states no date, `time`
+        [s] from its beginning takes its place.
 
         `in_range`: whether the value is within the limits of the DBC. What J1939 devices send for
         «not available», all bits set, is not.
         """
+        import polars as pl  # large, and bags need none
+
         signals = [self._signal(*key) for key in self._signals]
         senders = pl.DataFrame({"id": list(self.senders)}, schema={"id": pl.String})
         described = pl.DataFrame(
@@ -99,7 +121,9 @@ class LogTable:
         stamp = pl.Series("stamp", np.array(self._stamps, dtype=np.int64))
         rows = described[np.array(self._of_signal, dtype=np.uint32)]
         return rows.select(
-            stamp.cast(pl.Datetime("ns", "UTC")),
+            (stamp / 1e9).alias("time")
+            if stamps is Clock.START
+            else stamp.cast(pl.Datetime("ns", "UTC" if stamps is Clock.EPOCH else None)),
             senders["id"].gather(np.array(self._of_sender, dtype=np.uint32)),
             "message",
             "signal",
