@@ -57,6 +57,12 @@ class BusLog(ABC):
     events: Counter[str] = field(default_factory=Counter)  # lines of other kinds, by kind
 
     @property
+    def size(self) -> int:
+        """Bytes on the disk."""
+        files = self.path.iterdir() if self.path.is_dir() else [self.path]
+        return sum(file.stat().st_size for file in files)
+
+    @property
     def stamps(self) -> Clock:
         """What the stamps of its frames count from: those in local time of a known zone are UTC."""
         known = self.clock is Clock.LOCAL and self.zone is not None

@@ -81,7 +81,7 @@ def _write_bag(log: BusLog, table: LogTable, layout: Layout, path: Path) -> LogB
 
 
 def _read(log: BusLog, table: LogTable, bag: LogBag | None) -> None:
-    with progress_bar(log.path.name, log.path.stat().st_size) as bar:
+    with progress_bar(log.path.name, log.size) as bar:
         for frame in log.frames(bar.update):
             table.add(frame)
             if bag:

@@ -2,7 +2,9 @@
 
 import io
 import re
+import sqlite3
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, tzinfo
 from pathlib import Path
@@ -11,12 +13,15 @@ from typing import Any, BinaryIO, NamedTuple
 import can
 from can.io.generic import BinaryIOMessageReader, MessageReader, TextIOMessageReader
 
+from crane_bags.fields import read_messages
+from crane_bags.types import CAN_FRAMES
 from crane_driver.can.asc import AscLog
 from crane_driver.can.bus_log import BusLog, Clock, Entry, content, nanoseconds
-from crane_driver.can.candump import LINE, CandumpLog
+from crane_driver.can.candump import IDENTIFIER, LINE, CandumpLog
 from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
 
+MCAP, SQLITE = b"\x89MCAP0\r\n", b"SQLite format 3\x00"
 BEGINNING = 4096  # bytes that tell the format
 SCREEN = re.compile(r"(\(.*\)\s+)?\S+\s+[0-9A-F]{3,8}\s+\[\d+\](\s+[0-9A-F]{2})*(\s+'.*')?")
 
@@ -43,11 +48,11 @@ class Format(NamedTuple):
 FORMATS = (
     Format("BLF", can.BLFReader, re.compile(rb"LOGG"), Clock.LOCAL, 1),
     Format("MF4", can.MF4Reader, re.compile(rb"MDF     |UnFinMF ")),
-    Format("SQLite", can.SqliteReader, re.compile(rb"SQLite format 3\x00")),
+    Format("SQLite", can.SqliteReader, re.compile(SQLITE)),
     Format("TRC", can.TRCReader, re.compile(rb"\s*;(\$FILEVERSION|##|-)"), Clock.LOCAL),
     Format("CSV", can.CSVReader, re.compile(rb"timestamp,arbitration_id,")),
 )
-READABLE = f"candump -l, ASC, {', '.join(one.name for one in FORMATS)}"
+READABLE = f"candump -l, ASC, {', '.join(one.name for one in FORMATS)}, bags of CAN frames"
 
 
 def open_log(path: Path, channel: str | None = None, zone: tzinfo | None = None) -> BusLog:
@@ -56,12 +61,16 @@ def open_log(path: Path, channel: str | None = None, zone: tzinfo | None = None)
     `channel` is the one to read, `zone` the time zone of a log in local time (see `BusLog`).
     `DataError` if the log is absent, empty or of no known format.
     """
+    if path.is_dir():
+        return BagOfFrames(path, channel)
     try:
         with content(path) as file:
             beginning = file.read(BEGINNING)
     except (OSError, EOFError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         raise DataError(f"{path}: cannot be read: {reason}") from None
+    if beginning.startswith(MCAP) or (beginning.startswith(SQLITE) and _is_bag(path)):
+        return BagOfFrames(path, channel)
     for known in FORMATS:
         if known.beginning.match(beginning.removeprefix(b"\xef\xbb\xbf")):
             return PythonCanLog(path, channel, zone, known.clock, format=known)
@@ -81,6 +90,46 @@ def open_log(path: Path, channel: str | None = None, zone: tzinfo | None = None)
     raise DataError(
         f"{path}: not a log of a known format ({READABLE}); it begins with {lines[0][:60]!r}"
     )
+
+
+def _is_bag(path: Path) -> bool:
+    """Whether a file of SQLite is of a bag: python-can writes such files, too."""
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        try:
+            tables = database.execute("SELECT name FROM sqlite_master").fetchall()
+        except sqlite3.DatabaseError:  # whoever reads it says what is wrong
+            return False
+    return ("topics",) in tables
+
+
+@dataclass
+class BagOfFrames(BusLog):
+    """A bag of CAN frames, as ros2_socketcan records it: a topic is a channel."""
+
+    def entries(self, on_bytes: Callable[[int], object]) -> Iterator[Entry]:
+        """Message by message."""
+        told = 0
+
+        def progress(_: str, share: float) -> None:
+            nonlocal told
+            done = round(share * self.size)
+            on_bytes(done - told)
+            told = done
+
+        for topic, log_time, message in read_messages(self.path, CAN_FRAMES, progress):
+            self.lines += 1
+            header = message.header.stamp
+            stamp = header.sec * 1_000_000_000 + header.nanosec or log_time
+            length = message.dlc if hasattr(message, "dlc") else message.len
+            frame = Frame(
+                message.id & IDENTIFIER,
+                bytes(message.data[:length]),
+                message.is_extended,
+                stamp,
+                stamp / 1e9,
+            )
+            remote = getattr(message, "is_rtr", False)
+            yield Entry(topic, frame, remote, message.is_error)
 
 
 class _Rows(io.TextIOWrapper):
