@@ -45,6 +45,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="time zone of an ASC, BLF or TRC log, which hold local time: Europe/Berlin, or +02:00 "
         "(default: UTC)",
     )
+    parser.add_argument(
+        "--keep-codes",
+        action="store_true",
+        help="take J1939 codes such as FFFF, not available, for numbers of a table where the DBC "
+        "states no range; for a bag: codes of the mapping",
+    )
     options = parser.parse_args(argv)
     return run(lambda: _decode(options))
 
@@ -83,5 +89,6 @@ def _decode(options: argparse.Namespace) -> None:
         mapping=mapping,
         channel=options.channel,
         zone=options.zone,
+        keep_codes=options.keep_codes,
     )
     print(decode(request))

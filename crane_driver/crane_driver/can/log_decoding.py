@@ -33,6 +33,7 @@ class Request:
     mapping: Path | None = None
     channel: str | None = None
     zone: tzinfo | None = None  # of a log in local time
+    keep_codes: bool = False  # in a table; for a bag the mapping says so
 
 
 def decode(request: Request) -> str:
@@ -54,7 +55,7 @@ def decode(request: Request) -> str:
         raise ConfigurationError(
             f"{request.log}: --zone is for logs in local time, this one holds UTC; leave it out"
         )
-    table = LogTable(load_dbc(request.dbc))
+    table = LogTable(load_dbc(request.dbc), request.keep_codes)
     if out.suffix in TABLES:
         _read(log, table, None)
         table.write(out, log.stamps)
@@ -62,7 +63,8 @@ def decode(request: Request) -> str:
     assert request.mapping is not None  # checked above
     layout = load_layout(request.machine, request.mapping, request.dbc)
     bag = _write_bag(log, table, layout, out)
-    return "\n".join([describe(log, table), *_describe_bag(out, bag)])
+    lines = [*_describe_bag(out, bag), *_not_taken(table, bag, layout)]
+    return "\n".join([describe(log, table), *lines])
 
 
 def _write_bag(log: BusLog, table: LogTable, layout: Layout, path: Path) -> LogBag:
@@ -73,7 +75,11 @@ def _write_bag(log: BusLog, table: LogTable, layout: Layout, path: Path) -> LogB
             _read(log, table, bag)
             bag.finish()
             if not bag.written:
-                raise DataError(f"{log.path}: its frames make no message; is it of this machine?")
+                reasons = "; ".join(_not_taken(table, bag, layout))
+                raise DataError(
+                    f"{log.path}: its frames make no message: {reasons or 'none is whole'}; is it "
+                    "of this machine?"
+                )
     except DataError:
         shutil.rmtree(path)
         raise
@@ -91,7 +97,7 @@ def _read(log: BusLog, table: LogTable, bag: LogBag | None) -> None:
         remedy = (
             f"one of its channels: {', '.join(sorted(log.channels))}"
             if log.others
-            else ("another log")
+            else "another log"
         )
         raise DataError(
             f"{log.path}: no data frame{of_channel} in {log.lines} lines: "
@@ -104,4 +110,20 @@ def _describe_bag(path: Path, bag: LogBag) -> list[str]:
     lines += [f"{message}: {count} x {kind}" for (message, kind), count in bag.faults.items()]
     if bag.incomplete:
         lines.append(f"{bag.incomplete} cycles left out: not all of their frames are in the log")
+    return lines
+
+
+def _not_taken(table: LogTable, bag: LogBag, layout: Layout) -> list[str]:
+    """Messages of the mapping of which frames are missing in the bag."""
+    lines = []
+    for one in (*layout.readings, *layout.commands):
+        ids = [id for id, sender in table.senders.items() if sender.message.name == one.name]
+        unused = [id for id in ids if (int(id, 16), len(id) == 8) in bag.unused]
+        if unused:
+            lines.append(
+                f"{one.name} comes from {', '.join(ids)}, and the bag takes it from {one.id} only: "
+                "write the id that is meant into the DBC"
+            )
+        elif not ids:
+            lines.append(f"no frame of {one.name} ({one.id}) is in the log")
     return lines

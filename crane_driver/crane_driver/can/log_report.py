@@ -72,6 +72,12 @@ def describe(log: BusLog, table: LogTable) -> str:
     lines += ["", f"a gap is longer than {MANY_CYCLES} median cycles"]
     for (identifier, message, reason), count in table.failed.most_common():
         lines.append(f"not decodable: {count} frames of {message} ({identifier}): {reason}")
+    if table.codes:
+        counts = [f"{name}: {count} x {code}" for (name, code), count in table.codes.items()]
+        lines.append(
+            "no measurements, but codes of J1939 for which the DBC states no range: "
+            f"{', '.join(counts)}"
+        )
     if guessed := [
         f"{one.id} as {one.message.name}"
         for one in table.senders.values()
