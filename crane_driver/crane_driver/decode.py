@@ -6,7 +6,7 @@ from datetime import datetime, tzinfo
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-from crane_model.cli import EXTRAS, add_machine, add_replace, check_out, command_line, run
+from crane_model.cli import add_machine, add_replace, check_out, command_line, run
 from crane_model.errors import CraneError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
@@ -70,10 +70,8 @@ def _decode(options: argparse.Namespace) -> None:
     try:
         from crane_driver.can.log_decoding import TABLES, Request, decode
     except ModuleNotFoundError as error:
-        if error.name in EXTRAS:
-            raise
         raise CraneError(
-            f"{error}; install what reads CAN: make setup, or without ROS: "
+            f"{error}; install what reads CAN: make setup in a clone, or without ROS "
             "pip install './crane_driver[can]'"
         ) from None
     if options.out.suffix in TABLES:

@@ -37,7 +37,7 @@ EVENTS = {
     ),
     "lines of other events": r"(?!CANFD\s+\d)[^\d\s].*|\d+\s+(?![0-9a-f]*x?\s)[a-z_].*",
 }
-LINE = re.compile(rf"{STAMP}\s+(?P<rest>.*)")
+LINE = re.compile(rf"{STAMP}(?:\s+(?P<rest>.*))?")
 FRAME = tuple(re.compile(one, re.IGNORECASE) for one in FRAMES)
 ERROR_FRAME = re.compile(ERROR, re.IGNORECASE)
 EVENT = {name: re.compile(one, re.IGNORECASE) for name, one in EVENTS.items()}
@@ -90,7 +90,7 @@ class AscLog(BusLog):
                 self.lines += 1
                 if match := LINE.fullmatch(text):
                     stamp = time.stamp(match)
-                    if (entry := self._entry(match["rest"], stamp, base)) is not None:
+                    if (entry := self._entry(match["rest"] or "", stamp, base)) is not None:
                         yield entry
                 elif match := BASE.match(text):
                     base = 10 if match["base"].lower() == "dec" else 16

@@ -164,6 +164,11 @@ class PythonCanLog(BusLog):
                     yield self._entry(message, shift)
                 if self.format.reader is can.TRCReader and rows.count > self.lines:
                     self.events["lines without a frame that can be read"] = rows.count - self.lines
+            except NotImplementedError as error:  # of MF4, whose package is not there
+                raise DataError(
+                    f"{self.path}: {self.format.name} needs asammdf, which is not "
+                    "installed; install it in this shell: pip install asammdf"
+                ) from error
             except Exception as error:  # parsers stumble over anything in a damaged file
                 reason = str(error) or type(error).__name__
                 if not self.lines:

@@ -126,7 +126,7 @@ def test_a_log_in_local_time_takes_a_zone(zone: ZoneInfo | None, tmp_path: Path)
         (b"  can0  123   [2]  01 02\n", "shows on the screen.*record with candump -l"),
         (b" (12:01:02.5)  can0  18FEF100   [0]\n", "shows on the screen"),
         (b"LOGG" + b"\x00" * 300, "no frame could be read, as BLF"),
-        (b"MDF     4.10    " + b"\x00" * 300, r"as MF4: .*\[mf4\]"),
+        (b"MDF     4.10    " + b"\x00" * 300, "MF4 needs asammdf, .*: pip install asammdf"),
     ],
 )
 def test_what_is_no_log_is_said_to_be_none(content: bytes, reason: str, tmp_path: Path) -> None:
