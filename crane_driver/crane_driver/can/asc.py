@@ -44,11 +44,14 @@ EVENT = {name: re.compile(one, re.IGNORECASE) for name, one in EVENTS.items()}
 SENT = "requests to transmit"
 
 DATE = re.compile(r"date\s+(?P<date>.*)", re.IGNORECASE)
-BASE = re.compile(r"base\s+(?P<base>hex|dec)\b", re.IGNORECASE)
-RELATIVE = re.compile(r"timestamps\s+relative\b", re.IGNORECASE)
+FORMAT = re.compile(
+    r"(?=base|timestamps)(?:base\s+(?P<base>hex|dec)\b\s*)?"
+    r"(?:timestamps\s+(?P<stamps>absolute|relative)\b)?",
+    re.IGNORECASE,
+)
 BLOCK = re.compile(r"begin\s+triggerblock\b(?P<date>.*)", re.IGNORECASE)
 REMARK = re.compile(
-    r"//.*|(no\s+)?internal\s+events\s+logged.*|timestamps\s.*|end\s+triggerblock.*", re.IGNORECASE
+    r"//.*|(no\s+)?internal\s+events\s+logged.*|end\s+triggerblock.*", re.IGNORECASE
 )
 MOMENT = re.compile(
     r"(?P<month>[^\s\d]+)\s+(?P<day>\d{1,2})\.?\s+"
@@ -92,9 +95,11 @@ class AscLog(BusLog):
                     stamp = time.stamp(match)
                     if (entry := self._entry(match["rest"] or "", stamp, base)) is not None:
                         yield entry
-                elif match := BASE.match(text):
-                    base = 10 if match["base"].lower() == "dec" else 16
-                    time.relative = RELATIVE.search(text) is not None
+                elif match := FORMAT.match(text):
+                    if match["base"]:
+                        base = 10 if match["base"].lower() == "dec" else 16
+                    if match["stamps"]:
+                        time.relative = match["stamps"].lower() == "relative"
                 elif match := DATE.fullmatch(text):
                     time.start(match["date"])
                 elif match := BLOCK.fullmatch(text):

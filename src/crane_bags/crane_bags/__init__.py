@@ -2,7 +2,8 @@
 
 A bag of two messages, and what it holds:
 
->>> from crane_bags import Place, Topic, BagWriter, namespace_of, read_fields, read_topics
+>>> from crane_bags import Place, Topic, BagWriter, namespace_of, read_fields
+>>> from crane_bags import read_messages, read_topics
 >>> states = Topic("/joint_states", "sensor_msgs/msg/JointState")
 >>> with BagWriter("bag") as bag:
 ...     channel = bag.add_arrays(states, ["telescope"])
@@ -19,6 +20,12 @@ Single numbers are read out of any topic of any type:
 >>> found = read_fields("bag", {"/joint_states": [Place("effort", "telescope")]}, {})
 >>> found["/joint_states"].fields["effort[telescope]"].tolist()
 [300.0, 300.0]
+
+Messages of given types are read one by one:
+
+>>> found = read_messages("bag", ["sensor_msgs/msg/JointState"])
+>>> [(topic, message.position.tolist()) for topic, log_time, message in found]
+[('/joint_states', [0.0]), ('/joint_states', [0.1])]
 
 The topics of the suite and their types:
 

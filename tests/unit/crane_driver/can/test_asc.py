@@ -50,6 +50,14 @@ def test_relative_stamps_add_up_over_lines_of_every_kind(tmp_path: Path) -> None
     assert since(frames) == pytest.approx([0.5, 1.0], abs=1e-6)
 
 
+def test_the_header_may_have_a_line_for_each_word(tmp_path: Path) -> None:
+    text = f"date {DATE}\nbase dec\ntimestamps relative\nno internal events logged\n"
+    log, (first, second) = read(
+        tmp_path, text + frame(0.5).replace("1A0", "416").replace("FF", "255") * 2
+    )
+    assert (first.id, second.stamp - first.stamp, log.damaged) == (416, 500_000_000, 0)
+
+
 def test_a_damaged_stamp_among_relative_ones_is_said(tmp_path: Path) -> None:
     log, frames = read(tmp_path, header("relative") + frame(0.5) + "0.2x 1 1A0 Rx\n" + frame(0.25))
     assert (len(frames), log.damaged, log.lost_steps) == (2, 1, 1)
