@@ -31,6 +31,7 @@ from crane_driver.can.mapping import (
     Protection,
     SpoolSignal,
     StateSignal,
+    spellings,
     unit_of,
 )
 from crane_driver.can.signals import code_bits, fills_byte, is_scaled, raw_limits, to_channel
@@ -258,10 +259,10 @@ class _Binder:
             return None
         stated = signal.unit
         if stated and unit_of(stated) != named:
+            shown = "' or '".join(dict.fromkeys(spellings(stated)))
             known = "" if unit_of(stated) else f", which is none of {fitting}; correct the DBC"
             self._problem(
-                f"{key}.unit",
-                f"'{unit}', but {message.name}.{signal.name} is in '{stated}'{known}",
+                f"{key}.unit", f"'{unit}', but {message.name}.{signal.name} is in '{shown}'{known}"
             )
             return None
         return named[1]

@@ -96,6 +96,11 @@ class Decoder:
         _read_states(layout, raw, readings)
         return readings
 
+    def layout_of(self, frame: Frame) -> MessageLayout | None:
+        """The message that a frame is, whoever sends it; None if it is none of the layout."""
+        source = self._source(frame)
+        return source and source.layout
+
     def _source(self, frame: Frame) -> _Source | None:
         source = self._sources.get((frame.id, frame.extended))
         if source is None and frame.extended and self._of_group:

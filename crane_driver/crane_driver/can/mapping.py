@@ -34,13 +34,19 @@ UNITS = {
 }
 
 
-def unit_of(text: str) -> tuple[str, float] | None:
-    """Quantity and size of a unit in any spelling; None if it is not known.
-
-    A text that is not known is read as GB2312, too: "¡ã" is the degree of a Chinese tool in a file
-    that is not of one encoding.
+def spellings(unit: str) -> tuple[str, ...]:
+    """A unit as it was read, and as it reads in GB2312: "¡ã" is the degree of a Chinese tool in a
+    file that is not of one encoding.
     """
-    for spelled in (text, text.encode("cp1252", "replace").decode("gb2312", "replace")):
+    try:
+        return unit, unit.encode("cp1252").decode("gb2312")
+    except UnicodeError:
+        return (unit,)
+
+
+def unit_of(text: str) -> tuple[str, float] | None:
+    """Quantity and size of a unit in any spelling; None if it is not known."""
+    for spelled in spellings(text):
         if found := UNITS.get(spelled.strip().strip("[]()").strip(" .").casefold()):
             return found
     return None

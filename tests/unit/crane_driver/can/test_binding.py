@@ -240,13 +240,18 @@ def test_units_are_compared_by_what_they_mean(
     assert layout.resolution("inner_boom") == pytest.approx(0.01 * np.pi / 180)
 
 
+@pytest.mark.parametrize(
+    ("spelled", "shown"), [("klick", "'klick'"), ("\xa1\xe6", "'\xa1\xe6' or '℃'")]
+)
 def test_a_unit_that_is_not_known_is_answered_by_those_that_are(
-    write_dbc: WriteDbc, write_mapping: WriteMapping
+    spelled: str, shown: str, write_dbc: WriteDbc, write_mapping: WriteMapping
 ) -> None:
     messages = deepcopy(MESSAGES)
     name, how, _ = messages["Sensors"][3][0]
-    messages["Sensors"][3][0] = (name, how, "klick")
-    with pytest.raises(ConfigurationError, match=r"'klick', which is none of rad, deg, °, .*grad"):
+    messages["Sensors"][3][0] = (name, how, spelled)
+    with pytest.raises(
+        ConfigurationError, match=f"in {shown}, which is none of rad, deg, °, .*grad"
+    ):
         load_layout(load_machine(), write_mapping(MAPPING), write_dbc(messages, MODES))
 
 

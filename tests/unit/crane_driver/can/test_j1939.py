@@ -13,6 +13,7 @@ from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES
 from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec
 from crane_driver.can.decoder import Readings
+from crane_driver.can.foreign import ForeignCommands
 from crane_driver.can.frame import Frame
 from crane_driver.decode import main
 from crane_driver.faults import FaultKind
@@ -118,6 +119,19 @@ def test_the_driver_takes_one_device_and_says_that_there_is_another(
     assert fault.kind is FaultKind.REPEATED
     assert "18FF0121 and 18FF0122 both send it" in fault.detail
     assert read(0x21).positions, "the first one goes on"
+
+
+def test_a_valve_command_from_any_source_address_is_foreign(
+    write_dbc: WriteDbc, write_mapping: WriteMapping
+) -> None:
+    dbc = messages(0x21)
+    dbc["Valve"] = (0x18FF02FE | EXTENDED, *dbc["Valve"][1:])
+    foreign = ForeignCommands(load_layout(load_machine(), write_mapping(MAPPING), write_dbc(dbc)))
+    fault = foreign.observe(Frame(0x18FF0227, b"\x88\x13", True))
+    assert fault is not None
+    assert fault.kind is FaultKind.FOREIGN
+    assert "inner_boom 0.5" in fault.detail
+    assert foreign.observe(Frame(0x18FF0327, bytes(2), True)) is None
 
 
 CODES = "".join(
