@@ -99,7 +99,7 @@ class Decoder:
     def layout_of(self, frame: Frame) -> MessageLayout | None:
         """The message that a frame is, whoever sends it; None if it is none of the layout."""
         source = self._source(frame)
-        return source and source.layout
+        return source.layout if source else None
 
     def _source(self, frame: Frame) -> _Source | None:
         source = self._sources.get((frame.id, frame.extended))
