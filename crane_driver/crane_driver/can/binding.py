@@ -88,7 +88,8 @@ class _Binder:
         commands = tuple(self._message(name) for name in sent)
         if self.problems:
             raise ConfigurationError("\n".join(self.problems))
-        return Layout(readings, commands, self.mapping.timing, self.mapping.canopen)
+        codes = self.mapping.codes == "j1939"
+        return Layout(readings, commands, self.mapping.timing, self.mapping.canopen, codes)
 
     def _bind(self) -> None:
         mapping, joints = self.mapping, self.machine.joint_names

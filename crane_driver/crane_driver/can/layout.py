@@ -122,6 +122,7 @@ class Layout:
     commands: tuple[MessageLayout, ...]
     timing: Timing
     devices: dict[str, Device] = field(default_factory=dict)  # CANopen, by name
+    codes: bool = True  # of J1939 are no readings
 
     @property
     def positions(self) -> tuple[str, ...]:

@@ -55,13 +55,14 @@ def decode(request: Request) -> str:
         raise ConfigurationError(
             f"{request.log}: --zone is for logs in local time, this one holds UTC; leave it out"
         )
-    table = LogTable(load_dbc(request.dbc), request.keep_codes)
     if out.suffix in TABLES:
+        table = LogTable(load_dbc(request.dbc), request.keep_codes)
         _read(log, table, None)
         table.write(out, log.stamps)
         return describe(log, table)
     assert request.mapping is not None  # checked above
     layout = load_layout(request.machine, request.mapping, request.dbc)
+    table = LogTable(load_dbc(request.dbc), keep_codes=not layout.codes)
     bag = _write_bag(log, table, layout, out)
     lines = [*_describe_bag(out, bag), *_not_taken(table, bag, layout)]
     return "\n".join([describe(log, table), *lines])

@@ -87,8 +87,10 @@ class LogTable:
         self.senders[shown] = sender
         self._numbers.setdefault(shown, len(self._numbers))
         sender.stamps.append(frame.stamp)
-        for name, raw in values.items():
-            value = sender.signals[name].raw_to_scaled(raw, decode_choices=False)
+        for name, signal in sender.signals.items():
+            if (raw := values.get(name)) is None:  # multiplexed, and not in this frame
+                continue
+            value = signal.raw_to_scaled(raw, decode_choices=False)
             if code := code_of(sender.code_bits[name], raw):
                 self.codes[f"{message.name}.{name}", code] += 1
                 value = math.nan
@@ -110,7 +112,7 @@ class LogTable:
         except OSError as error:
             raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
 
-    def table(self, stamps: Clock) -> "pl.DataFrame":
+    def table(self, stamps: Clock = Clock.EPOCH) -> "pl.DataFrame":
         """One row a value: stamp, id, message, signal, value, unit, in_range.
 
         The stamp is of UTC, without a zone if it is local time. If the log states no date, `time`

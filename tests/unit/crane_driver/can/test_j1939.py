@@ -181,6 +181,7 @@ def test_codes_are_no_readings_of_a_bag(decode: Any) -> None:
 
 
 def test_codes_of_a_bag_are_kept_by_the_mapping(decode: Any) -> None:
-    _, _, bag = decode(CODES, messages(0xFE), bag=True, codes="none")
+    _, said, bag = decode(CODES, messages(0xFE), bag=True, codes="none")
+    assert "codes" not in said
     pressures = read_topics(bag, (CYLINDER_PRESSURES,))[CYLINDER_PRESSURES.name]
     assert pressures.fields["chamber_a"].max() == 0xFFFF * 1000.0
