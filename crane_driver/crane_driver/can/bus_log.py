@@ -1,6 +1,7 @@
 """What every bus log is, whatever its format: data frames, and counts of what is beside them."""
 
 import gzip
+import zlib
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -98,8 +99,10 @@ class BusLog(ABC):
                     if entry.frame.stamp < EARLIEST:
                         self.clock = Clock.START
                     yield entry.frame
+        except (EOFError, zlib.error) as error:  # compressed, and cut off or damaged
+            self.broken = str(error)
         except OSError as error:
-            raise DataError(f"{self.path}: cannot be read: {error.strerror}") from None
+            raise DataError(f"{self.path}: cannot be read: {error.strerror or error}") from None
         if self.others and self.channel is None:
             *names, last = sorted(self.channels)
             raise DataError(

@@ -75,11 +75,23 @@ def test_remote_and_error_frames_are_no_data(suffix: str, tmp_path: Path) -> Non
     assert (log.remote, log.errors) == (1, 1)
 
 
-def test_a_compressed_log(tmp_path: Path) -> None:
-    plain = write(tmp_path / "bus.asc", FRAMES)
-    path = tmp_path / "bus.asc.gz"
-    path.write_bytes(gzip.compress(plain.read_bytes()))
+@pytest.mark.parametrize("suffix", [".asc", ".log", ".trc"])
+def test_a_compressed_log(suffix: str, tmp_path: Path) -> None:
+    path = write(tmp_path / f"bus{suffix}", FRAMES)
+    path.write_bytes(gzip.compress(path.read_bytes()))
     assert len(list(open_log(path).frames())) == len(FRAMES)
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".log"])
+def test_what_was_read_of_a_compressed_log_that_is_cut_off_is_kept(
+    suffix: str, tmp_path: Path
+) -> None:
+    path = write(tmp_path / f"bus{suffix}", FRAMES * 2000)
+    compressed = gzip.compress(path.read_bytes())
+    path.write_bytes(compressed[: len(compressed) // 2])
+    log = open_log(path)
+    assert 0 < len(list(log.frames())) < len(FRAMES) * 2000
+    assert log.broken
 
 
 def test_channels_are_told_apart(tmp_path: Path) -> None:
