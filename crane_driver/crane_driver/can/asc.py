@@ -109,7 +109,7 @@ class AscLog(BusLog):
                     self.lost_steps += time.relative
 
     def _entry(self, text: str, stamp: int, base: int) -> Entry | None:
-        """What a line says behind its stamp; None, and counted, if it is not a whole frame."""
+        """Frame of a line, behind its stamp; None, and counted, if it is not a whole frame."""
         for pattern in FRAME:
             if match := pattern.fullmatch(text):
                 if match["direction"].lower() == "txrq":

@@ -20,7 +20,7 @@ EARLIEST = 631_152_000_000_000_000  # ns, the year 1990: earlier stamps count fr
 
 
 class Clock(StrEnum):
-    """What the stamps of a log count from."""
+    """Origin of the stamps of a log."""
 
     EPOCH = "since 1970 in UTC"
     LOCAL = "local time"  # of a computer whose time zone the log does not state
@@ -65,7 +65,7 @@ class BusLog(ABC):
 
     @property
     def stamps(self) -> Clock:
-        """What the stamps of its frames count from: those in local time of a known zone are UTC."""
+        """Origin of the stamps of its frames: those in local time of a known zone are in UTC."""
         known = self.clock is Clock.LOCAL and self.zone is not None
         return Clock.EPOCH if known else self.clock
 

@@ -122,7 +122,7 @@ class Layout:
     commands: tuple[MessageLayout, ...]
     timing: Timing
     devices: dict[str, Device] = field(default_factory=dict)  # CANopen, by name
-    codes: bool = True  # of J1939 are no readings
+    codes: bool = True  # codes of J1939 are not taken for readings
 
     @property
     def positions(self) -> tuple[str, ...]:

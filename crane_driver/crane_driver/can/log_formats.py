@@ -34,8 +34,8 @@ ASC = re.compile(
 class Format(NamedTuple):
     """A format that python-can reads, and how it begins.
 
-    clock: what the stamps count from. channel: what is missing to the number in the file, of which
-    python-can subtracts one for Vector's formats.
+    clock: origin of the stamps. channel: difference between the number of a channel in the file and
+    that of python-can, which subtracts one in Vector's formats.
     """
 
     name: str
@@ -186,7 +186,7 @@ class PythonCanLog(BusLog):
         return reader(self.path)
 
     def _shift(self, timestamp: float) -> int:
-        """What turns local time, which python-can takes for UTC, to UTC [ns]: of a stamp [s]."""
+        """Difference of UTC to the local time that python-can takes for UTC [ns], at a stamp [s]."""
         if self.zone is None or self.clock is not Clock.LOCAL:
             return 0
         local = datetime.fromtimestamp(timestamp, UTC).replace(tzinfo=None)

@@ -75,7 +75,7 @@ def describe(log: BusLog, table: LogTable) -> str:
     if table.codes:
         counts = [f"{name}: {count} x {code}" for (name, code), count in table.codes.items()]
         lines.append(
-            "no measurements, but codes of J1939 for which the DBC states no range: "
+            "not measurements, but codes of J1939 for which the DBC states no range: "
             f"{', '.join(counts)}"
         )
     if guessed := [
@@ -95,7 +95,7 @@ def describe(log: BusLog, table: LogTable) -> str:
 
 
 def beside(log: BusLog) -> list[str]:
-    """What a log holds beside the data frames that were read, each with its count."""
+    """Counts of everything in a log that was not read as a data frame."""
     counts = {
         "damaged lines, skipped": log.damaged,
         "error frames": log.errors,

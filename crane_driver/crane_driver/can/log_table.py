@@ -42,7 +42,7 @@ class LogTable:
     """Collects the values of frames.
 
     Nothing is lost silently: `frames` is `decoded` plus all of `unknown` plus all of `failed`, and
-    `codes` counts the values that are codes of J1939 and no measurements, unless they are kept.
+    `codes` counts the values that are codes of J1939 and not measurements, unless they are kept.
     """
 
     def __init__(self, dbc: Dbc, keep_codes: bool = False):

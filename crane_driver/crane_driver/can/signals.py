@@ -13,7 +13,7 @@ SLACK = 0.49  # steps, less than what rounds to the next one
 
 
 class Code(StrEnum):
-    """What a raw value of J1939 is that is not a measurement."""
+    """Meaning of a raw value of J1939 that is not a measurement."""
 
     NOT_AVAILABLE = "not available"
     ERROR = "error"
