@@ -186,7 +186,7 @@ class PythonCanLog(BusLog):
         return reader(self.path)
 
     def _shift(self, timestamp: float) -> int:
-        """Difference of UTC to the local time that python-can takes for UTC [ns], at a stamp [s]."""
+        """Difference of UTC to local time, which python-can takes for UTC [ns], at a stamp [s]."""
         if self.zone is None or self.clock is not Clock.LOCAL:
             return 0
         local = datetime.fromtimestamp(timestamp, UTC).replace(tzinfo=None)
