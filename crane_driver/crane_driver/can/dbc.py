@@ -99,7 +99,7 @@ def load_dbc(path: Path | str) -> Dbc:
         content = path.read_bytes()
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
-    text = _text(content)
+    text = _text(content).lstrip("\ufeff")  # a converted file may have a second mark
     try:
         # not strict, for flags may overlap the byte that they are in: checked below
         database = cantools.database.load_string(text, database_format="dbc", strict=False)
