@@ -2,7 +2,9 @@
 
 import argparse
 from collections.abc import Sequence
+from datetime import datetime, tzinfo
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 from crane_model.cli import add_machine, add_replace, check_out, command_line, run
 from crane_model.errors import CraneError
@@ -18,8 +20,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--log",
         type=Path,
         required=True,
-        help="log of candump -l, or one that python-can reads: BLF, ASC, TRC, CSV, SQLite, and "
-        "MF4 with its extra mf4; what it is, is told by its content",
+        help="log: candump -l, ASC, BLF, TRC, CSV, SQLite, MF4 (which needs asammdf); its content "
+        "tells the format",
     )
     parser.add_argument(
         "--out",
@@ -36,22 +38,55 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_machine(parser)
     add_replace(parser)
-    parser.add_argument("--channel", help="interface to read, where the log has several")
+    parser.add_argument("--channel", help="channel to read, if the log has several")
+    parser.add_argument(
+        "--zone",
+        type=_zone,
+        help="time zone of an ASC, BLF or TRC log, which hold local time: Europe/Berlin, or +02:00 "
+        "(default: UTC)",
+    )
+    parser.add_argument(
+        "--keep-codes",
+        action="store_true",
+        help="take J1939 codes such as FFFF, not available, for numbers of a table where the DBC "
+        "states no range; for a bag: codes of the mapping",
+    )
     options = parser.parse_args(argv)
     return run(lambda: _decode(options))
 
 
+def _zone(text: str) -> tzinfo:
+    """Time zone by name or by its distance from UTC."""
+    try:
+        zone = datetime.strptime(text, "%z").tzinfo if text[:1] in "+-" else ZoneInfo(text)
+    except (OSError, ValueError, KeyError):
+        zone = None
+    if zone is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time zone; Europe/Berlin is one")
+    return zone
+
+
 def _decode(options: argparse.Namespace) -> None:
     try:
-        from crane_driver.can.log_decoding import TABLES, decode
-    except ImportError as error:
+        from crane_driver.can.log_decoding import TABLES, Request, decode
+    except ModuleNotFoundError as error:
         raise CraneError(
-            f"{error}; install what reads CAN: pip install 'crane_driver[can]'"
+            f"{error}; install what reads CAN: make setup in a clone, or without ROS "
+            "pip install './crane_driver[can]'"
         ) from None
     if options.out.suffix in TABLES:
         check_out(options.out, replace=options.replace)
     name, mapping = options.machine, options.mapping
     if mapping or name or not options.dbc:
         mapping = machine_file("can.yaml", name, mapping)
-    dbc = machine_file("can.dbc", name, options.dbc)
-    print(decode(options.log, load_machine(name), dbc, mapping, options.channel, options.out))
+    request = Request(
+        log=options.log,
+        dbc=machine_file("can.dbc", name, options.dbc),
+        out=options.out,
+        machine=load_machine(name),
+        mapping=mapping,
+        channel=options.channel,
+        zone=options.zone,
+        keep_codes=options.keep_codes,
+    )
+    print(decode(request))

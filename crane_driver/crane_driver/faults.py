@@ -33,7 +33,7 @@ class FaultKind(StrEnum):
         "check wiring and termination, and the CRC in the mapping",
     )
     REPEATED = (
-        *("repeated", 3, "a frame came twice, by its counter"),
+        *("repeated", 3, "a frame came twice, by its counter, or from two devices"),
         "look for a gateway or a second device that sends it",
     )
     SEQUENCE = (

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from cantools.database.can import Message, Signal
+from cantools.j1939 import pgn_from_frame_id
 
+from crane_driver.can.bits import SignalBits
 from crane_driver.can.canopen_settings import identifiers
 from crane_driver.can.dbc import Dbc, load_dbc
 from crane_driver.can.frame import show_id
@@ -29,8 +31,10 @@ from crane_driver.can.mapping import (
     Protection,
     SpoolSignal,
     StateSignal,
+    spellings,
+    unit_of,
 )
-from crane_driver.can.signals import fills_byte, is_scaled, raw_limits, to_channel
+from crane_driver.can.signals import code_bits, fills_byte, is_scaled, raw_limits, to_channel
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
@@ -84,7 +88,8 @@ class _Binder:
         commands = tuple(self._message(name) for name in sent)
         if self.problems:
             raise ConfigurationError("\n".join(self.problems))
-        return Layout(readings, commands, self.mapping.timing, self.mapping.canopen)
+        codes = self.mapping.codes == "j1939"
+        return Layout(readings, commands, self.mapping.timing, self.mapping.canopen, codes)
 
     def _bind(self) -> None:
         mapping, joints = self.mapping, self.machine.joint_names
@@ -126,14 +131,17 @@ class _Binder:
         sign = entry.sign if isinstance(entry, PositionSignal) else 1
         group = self.positions if isinstance(entry, PositionSignal) else self.pressures
         message, signal = found
-        group[message.name].append(to_channel(name, signal, sign * unit, -sign * entry.zero, fault))
+        bits = self._code_bits(message, signal)
+        channel = to_channel(name, signal, sign * unit, -sign * entry.zero, fault, bits)
+        group[message.name].append(channel)
 
     def _bind_spool(self, key: str, name: str, entry: SpoolSignal) -> None:
         found = self._use(key, entry.signal)
         if not found or (unit := self._unit(key, found, entry.unit, "ratio")) is None:
             return
         message, signal = found
-        channel = to_channel(name, signal, entry.sign * unit, 0.0, None)
+        bits = self._code_bits(message, signal)
+        channel = to_channel(name, signal, entry.sign * unit, 0.0, None, bits)
         if not (channel.low <= -1 and channel.high >= 1):
             self._problem(
                 f"{key}.signal",
@@ -200,6 +208,9 @@ class _Binder:
             entry.data_id,
         )
 
+    def _code_bits(self, message: Message, signal: Signal) -> int:
+        return code_bits(message, signal) if self.mapping.codes == "j1939" else 0
+
     def _use(self, key: str, name: str) -> tuple[Message, Signal] | None:
         """Message and signal called `name`; None, and a problem noted, if absent or taken."""
         found = self._find(key, name)
@@ -242,17 +253,20 @@ class _Binder:
     ) -> float | None:
         """Size of a signal's unit in SI units; None, and a problem noted, if it does not fit."""
         message, signal = found
+        fitting = ", ".join(name for name, (kind, _) in UNITS.items() if kind == quantity and name)
+        named = unit_of(unit)
+        if named is None or named[0] != quantity:
+            self._problem(f"{key}.unit", f"'{unit}' is none of {quantity}: {fitting}")
+            return None
         stated = signal.unit
-        if stated and stated.strip().casefold() != unit.strip().casefold():
+        if stated and unit_of(stated) != named:
+            shown = "' or '".join(dict.fromkeys(spellings(stated)))
+            known = "" if unit_of(stated) else f", which is none of {fitting}; correct the DBC"
             self._problem(
-                f"{key}.unit", f"'{unit}', but {message.name}.{signal.name} is in '{stated}'"
+                f"{key}.unit", f"'{unit}', but {message.name}.{signal.name} is in '{shown}'{known}"
             )
             return None
-        fitting = {name: size for name, (kind, size) in UNITS.items() if kind == quantity}
-        size = fitting.get(unit.strip().casefold())
-        if size is None:
-            self._problem(f"{key}.unit", f"'{unit}' is none of {quantity}: {', '.join(fitting)}")
-        return size
+        return named[1]
 
     def _require_every_signal(self, name: str) -> None:
         for signal in self.dbc.messages[name].signals:
@@ -262,6 +276,8 @@ class _Binder:
                 )
         if self.dbc.messages[name].is_multiplexed():
             self._problem("commands", f"message {name} is multiplexed, it cannot be sent")
+        elif SignalBits(self.dbc.messages[name]).overlap:
+            self._problem("commands", f"signals of message {name} overlap, it cannot be sent")
 
     def _require_free_identifiers(self, names: Iterable[str]) -> None:
         """CANopen devices take their messages first; no signal may be mapped from them."""
@@ -295,6 +311,7 @@ class _Binder:
             self.enable.get(name),
             self.constants[name],
             self.protection.get(name, UNPROTECTED),
+            pgn_from_frame_id(message.frame_id) if self.dbc.any_source(message) else None,
         )
 
     def _problem(self, key: str, text: str) -> None:

@@ -1,13 +1,30 @@
 """What every bus log is, whatever its format: data frames, and counts of what is beside them."""
 
+import gzip
+import zlib
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta, tzinfo
+from enum import StrEnum
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple, cast
 
 from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
+
+GZIP = b"\x1f\x8b"
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+EARLIEST = 631_152_000_000_000_000  # ns, the year 1990: earlier stamps count from something else
+
+
+class Clock(StrEnum):
+    """Origin of the stamps of a log."""
+
+    EPOCH = "since 1970 in UTC"
+    LOCAL = "local time"  # of a computer whose time zone the log does not state
+    START = "since the beginning"  # of the log, of which no date is stated
 
 
 class Entry(NamedTuple):
@@ -21,16 +38,36 @@ class Entry(NamedTuple):
 
 @dataclass
 class BusLog(ABC):
-    """A log; the counts are those of the last reading through."""
+    """A log; the counts are those of the last reading through.
+
+    `zone` is the time zone of the computer that recorded it, for logs in local time; None: UTC.
+    """
 
     path: Path
     channel: str | None = None  # read this one; None: the log must hold one only
+    zone: tzinfo | None = None
+    clock: Clock = Clock.EPOCH
     lines: int = 0  # or entries, where the log has no lines
     remote: int = 0  # frames that ask for data
     errors: int = 0  # frames that report errors of the bus
     others: int = 0  # frames of other channels
     damaged: int = 0  # lines that are not frames
+    lost_steps: int = 0  # damaged lines without a stamp, to which the next relative stamps add
     broken: str = ""  # why reading ended before the log did
+    channels: Counter[str] = field(default_factory=Counter)  # frames by channel
+    events: Counter[str] = field(default_factory=Counter)  # lines of other kinds, by kind
+
+    @property
+    def size(self) -> int:
+        """Bytes on the disk."""
+        files = self.path.iterdir() if self.path.is_dir() else [self.path]
+        return sum(file.stat().st_size for file in files)
+
+    @property
+    def stamps(self) -> Clock:
+        """Origin of the stamps of its frames: those in local time of a known zone are in UTC."""
+        known = self.clock is Clock.LOCAL and self.zone is not None
+        return Clock.EPOCH if known else self.clock
 
     @abstractmethod
     def entries(self, on_bytes: Callable[[int], object]) -> Iterator[Entry]:
@@ -41,27 +78,47 @@ class BusLog(ABC):
 
         `on_bytes` is told how many bytes were read since the last time: progress.
         """
-        self.lines = self.remote = self.errors = self.others = self.damaged = 0
+        self.lines = self.remote = self.errors = self.others = self.damaged = self.lost_steps = 0
+        self.channels.clear()
+        self.events.clear()
         self.broken = ""
         only = self.channel
         try:
             for entry in self.entries(on_bytes):
-                only = self._select(entry.channel, only)
+                self.channels[entry.channel] += 1
+                only = entry.channel if only is None else only
                 if only != entry.channel:
                     self.others += 1
+                elif self.others and self.channel is None:
+                    continue  # refused below, when all channels are known
                 elif entry.error:
                     self.errors += 1
                 elif entry.remote:
                     self.remote += 1
                 else:
+                    if entry.frame.stamp < EARLIEST:
+                        self.clock = Clock.START
                     yield entry.frame
+        except (EOFError, zlib.error) as error:  # compressed, and cut off or damaged
+            self.broken = str(error)
         except OSError as error:
-            raise DataError(f"{self.path}: cannot be read: {error.strerror}") from None
-
-    def _select(self, channel: str, only: str | None) -> str:
-        if self.channel is None and only not in (None, channel):
+            raise DataError(f"{self.path}: cannot be read: {error.strerror or error}") from None
+        if self.others and self.channel is None:
+            *names, last = sorted(self.channels)
             raise DataError(
-                f"{self.path}: the log holds frames of channels {only} and {channel}; "
-                "say which one to read"
+                f"{self.path}: the log holds frames of channels {', '.join(names)} and {last}; "
+                f"say which one to read, for example --channel {names[0]}"
             )
-        return channel if only is None else only
+
+
+def content(path: Path) -> BinaryIO:
+    """The file, decompressed if it is compressed by gzip."""
+    file = path.open("rb")
+    compressed = file.read(len(GZIP)) == GZIP
+    file.seek(0)
+    return cast(BinaryIO, gzip.GzipFile(fileobj=file)) if compressed else file
+
+
+def nanoseconds(date: datetime, zone: tzinfo | None) -> int:
+    """A date without a zone as nanoseconds since 1970: of `zone`, None: of UTC."""
+    return (date.replace(tzinfo=zone or UTC) - EPOCH) // timedelta(microseconds=1) * 1000

@@ -4,11 +4,12 @@ Unlike python-can's reader it keeps the stamps exact, goes on after a damaged li
 take the error frames of SocketCAN for data.
 """
 
+import io
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from crane_driver.can.bus_log import BusLog, Entry
+from crane_driver.can.bus_log import BusLog, Entry, content
 from crane_driver.can.frame import Frame
 
 LINE = re.compile(
@@ -27,7 +28,7 @@ class CandumpLog(BusLog):
 
     def entries(self, on_bytes: Callable[[int], object]) -> Iterator[Entry]:
         """Line by line."""
-        with self.path.open(encoding="ascii", errors="replace") as file:
+        with io.TextIOWrapper(content(self.path), "ascii", errors="replace") as file:
             for line in file:
                 on_bytes(len(line))
                 if not (text := line.strip()):

@@ -25,6 +25,11 @@ class DriverCodec:
         """Frames so far per identifier (and whether it is extended) that is not of the layout."""
         return self._decoder.unknown
 
+    @property
+    def conflicts(self) -> dict[str, tuple[str, str]]:
+        """Ids of two devices that both send a message, by message (see `Decoder`)."""
+        return self._decoder.conflicts
+
     def decode(self, frame: Frame) -> Readings | None:
         """Readings of a frame; None, and counted, where the identifier is unknown."""
         return self._decoder.decode(frame)
@@ -74,6 +79,11 @@ class MachineCodec:
     def decode(self, frame: Frame) -> Readings | None:
         """Commands of a frame; None where it is no command."""
         return self._decoder.decode(frame)
+
+    @property
+    def conflicts(self) -> dict[str, tuple[str, str]]:
+        """Ids of two devices that both send a command message (see `Decoder`)."""
+        return self._decoder.conflicts
 
     @property
     def cycles(self) -> dict[str, float]:

@@ -1,19 +1,28 @@
 """DBC files: loaded with errors that say what is wrong, and searched by identifier."""
 
+import codecs
 import logging
 import re
 from pathlib import Path
 
 import cantools.database
-from cantools.database import Database, UnsupportedDatabaseFormatError
+from cantools.database import Database, Error, UnsupportedDatabaseFormatError
 from cantools.database.can import Message
-from cantools.j1939 import pgn_from_frame_id
+from cantools.database.utils import start_bit
+from cantools.j1939 import frame_id_unpack, pgn_from_frame_id
 
 from crane_driver.can.frame import show_id
 from crane_model.errors import ConfigurationError
 
 J1939 = "j1939"
 FRAME_FORMAT = "VFrameFormat"  # attribute of a message
+ANY = frozenset({0xFE, 0xFF})  # addresses of no single device: a DBC states them for any one
+BROADCAST = 240  # PDU format from which on a frame has no destination address
+MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
 
 STRING = re.compile(r'"[^"]*"')
 SIGNAL = re.compile(r"^\s*SG_\s+\w+[^:;\n]*:", re.MULTILINE)
@@ -36,20 +45,38 @@ class Dbc:
         }
         self._of_group: dict[int, list[Message]] = {}
         for one in database.messages:
-            if one.is_extended_frame and _may_be_j1939(one):
+            if one.is_extended_frame and may_be_j1939(one):
                 self._of_group.setdefault(pgn_from_frame_id(one.frame_id), []).append(one)
 
     def find(self, identifier: int, extended: bool) -> Message | None:
         """The message with this identifier; else, of J1939, the only one with its group number.
 
-        Priority, source and destination address then do not matter: J1939 data bases often name a
-        placeholder as the source, and do not say that they are of J1939 (see `by_group_alone`).
+        Priority and source address then do not matter: J1939 data bases often name a placeholder as
+        the source, and do not say that they are of J1939 (see `by_group_alone`).
         """
         key = (identifier, extended)
         if key not in self._found:
             group = self._of_group.get(pgn_from_frame_id(identifier), []) if extended else []
-            self._found[key] = group[0] if len(group) == 1 else None
+            alone = len(group) == 1 and addressed(group[0], identifier)
+            self._found[key] = group[0] if alone else None
         return self._found[key]
+
+    def any_source(self, message: Message) -> bool:
+        """Whether a reading takes the message from any source address.
+
+        It does if the DBC names a placeholder, and no other message of the group. A real address is
+        that of one device: in its place, another one of the same make must not be believed.
+        """
+        group = self._of_group.get(pgn_from_frame_id(message.frame_id), [])
+        return group == [message] and frame_id_unpack(message.frame_id).source_address in ANY
+
+
+def addressed(message: Message, identifier: int) -> bool:
+    """Whether a frame of the message's group goes to the address that the DBC states, or to any."""
+    stated, sent = frame_id_unpack(message.frame_id), frame_id_unpack(identifier)
+    if stated.pdu_format >= BROADCAST or stated.pdu_specific in ANY:
+        return True
+    return bool(stated.pdu_specific == sent.pdu_specific)
 
 
 def by_group_alone(message: Message, shown: str) -> bool:
@@ -58,11 +85,11 @@ def by_group_alone(message: Message, shown: str) -> bool:
     return message.protocol != J1939 and shown != own
 
 
-def _may_be_j1939(message: Message) -> bool:
+def may_be_j1939(message: Message) -> bool:
     """Whether the DBC says so, or says nothing of the format of the frames."""
     specifics = message.dbc
     stated = specifics is not None and FRAME_FORMAT in specifics.attributes
-    return message.protocol == J1939 or not stated
+    return message.protocol == J1939 or (message.is_extended_frame and not stated)
 
 
 def load_dbc(path: Path | str) -> Dbc:
@@ -72,20 +99,47 @@ def load_dbc(path: Path | str) -> Dbc:
         content = path.read_bytes()
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
+    text = _text(content).lstrip("\ufeff")  # a converted file may have a second mark
     try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError:
-        text = content.decode("cp1252", errors="replace")  # what the format's inventor writes
-    try:
-        database = cantools.database.load_string(text, database_format="dbc")
+        # not strict, for flags may overlap the byte that they are in: checked below
+        database = cantools.database.load_string(text, database_format="dbc", strict=False)
     except UnsupportedDatabaseFormatError as error:
-        reason = str(error.e_dbc or error)
+        reason = "".join(one if one.isprintable() else "?" for one in str(error.e_dbc or error))
         raise ConfigurationError(f"{path}: not a valid DBC file: {reason}") from None
     if not isinstance(database, Database) or not database.messages:
         raise ConfigurationError(f"{path}: no messages (BO_) in this file; name a DBC file")
     _check_whole(path, text, database)
+    _check_fit(path, database)
     _check_unique(path, database)
     return Dbc(path, database)
+
+
+def _text(content: bytes) -> str:
+    """Text of a DBC file: by its byte order mark, else of the encoding that fits it."""
+    for mark, encoding in MARKS.items():
+        if content.startswith(mark):
+            return content.decode(encoding, "replace")
+    if b"\0" in content[:2]:
+        return content.decode("utf-16-be" if content[:1] == b"\0" else "utf-16-le", "replace")
+    for encoding in ("utf-8", "gb2312"):
+        try:
+            return content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return content.decode("cp1252", "replace")  # what the format's inventor writes
+
+
+def _check_fit(path: Path, database: Database) -> None:
+    """Signals within their messages; those of a multiplexed message must not overlap, either."""
+    for message in database.messages:
+        try:
+            if message.is_multiplexed():
+                message.refresh(strict=True)
+            for signal in message.signals:
+                if start_bit(signal) + signal.length > 8 * message.length:
+                    raise Error(f"The signal {signal.name} does not fit in message {message.name}.")
+        except Error as error:
+            raise ConfigurationError(f"{path}: not a valid DBC file: {error}") from None
 
 
 def _check_whole(path: Path, text: str, database: Database) -> None:

@@ -2,15 +2,18 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cantools.database import DecodeError
+from cantools.j1939 import pgn_from_frame_id
 
 from crane_driver.can.bits import SignalBits
-from crane_driver.can.frame import Frame
+from crane_driver.can.dbc import addressed
+from crane_driver.can.frame import Frame, show_id
 from crane_driver.can.layout import Channel, MessageLayout
 from crane_driver.can.protection import frame_crc
+from crane_driver.can.signals import code_of
 from crane_driver.faults import Fault, FaultKind
 
 
@@ -33,33 +36,50 @@ class Readings:
     faults: list[Fault] = field(default_factory=list)
 
 
+class _Source:
+    """One message of a layout, and the identifier that its frames have, once that is known."""
+
+    def __init__(self, layout: MessageLayout):
+        self.layout, self.bits = layout, SignalBits(layout.message)
+        self.identifier = layout.message.frame_id if layout.group is None else None
+
+
 class Decoder:
     """Decodes the messages of one side of a layout: its `readings` or its `commands`.
 
-    Identifiers must match exactly: two senders of one J1939 group must not feed one reading.
+    Identifiers must match; only the source address of a J1939 message may be a placeholder, in the
+    place of that of the one device that sends it. Two senders of one group must not feed one
+    reading: `conflicts` names them, by message, and frames of the second hold a fault.
     """
 
     def __init__(self, messages: Sequence[MessageLayout]):
         self.unknown: Counter[tuple[int, bool]] = Counter()  # frames per unknown identifier
-        self._layouts = {
-            (one.message.frame_id, one.message.is_extended_frame): (one, SignalBits(one.message))
-            for one in messages
+        self.conflicts: dict[str, tuple[str, str]] = {}
+        sources = [_Source(one) for one in messages]
+        self._sources = {
+            (one.layout.message.frame_id, one.layout.message.is_extended_frame): one
+            for one in sources
         }
+        self._of_group = {one.layout.group: one for one in sources if one.layout.group is not None}
 
     def decode(self, frame: Frame) -> Readings | None:
         """Values of a frame; None, and counted, where the identifier is not of the layout."""
-        known = self._layouts.get((frame.id, frame.extended))
-        if known is None:
+        source = self._source(frame)
+        if source is None:
             self.unknown[frame.id, frame.extended] += 1
             return None
-        layout, bits = known
+        if source.identifier is None:
+            source.identifier = frame.id
+        elif source.identifier != frame.id:
+            return self._conflict(source, frame)
+        layout = source.layout
         readings = Readings(layout.name, frame.stamp, frame.steady)
         if fault := _damage(layout, frame.data):
             readings.faults.append(fault)
             return readings
         try:
             # neither names nor scales: the channels hold sign, unit, scale and zero in one
-            raw = bits.unpack(frame.data)
+            raw = source.bits.unpack(frame.data)
         except DecodeError as error:  # a multiplexer value that the DBC does not have
             readings.faults.append(layout.fault(FaultKind.OUT_OF_RANGE, str(error)))
             return readings
@@ -67,7 +87,7 @@ class Decoder:
         _read(layout, layout.pressures, raw, readings.pressures, readings.faults)
         _read(layout, layout.commands, raw, readings.commands, readings.faults)
         if layout.enable:
-            readings.enabled = bool(raw[layout.enable])
+            readings.enabled = raw[layout.enable] == 1  # of two bits, 2 and 3 are codes
         if layout.protection.counter:
             readings.counter = raw.get(layout.protection.counter)
         for echo in layout.echoes:
@@ -75,6 +95,32 @@ class Decoder:
                 readings.accepted[echo.command] = raw[echo.signal]
         _read_states(layout, raw, readings)
         return readings
+
+    def layout_of(self, frame: Frame) -> MessageLayout | None:
+        """The message that a frame is, whoever sends it; None if it is none of the layout."""
+        source = self._source(frame)
+        return source.layout if source else None
+
+    def _source(self, frame: Frame) -> _Source | None:
+        source = self._sources.get((frame.id, frame.extended))
+        if source is None and frame.extended and self._of_group:
+            source = self._of_group.get(pgn_from_frame_id(frame.id))
+            if source is not None and not addressed(source.layout.message, frame.id):
+                return None
+        return source
+
+    def _conflict(self, source: _Source, frame: Frame) -> Readings:
+        layout = source.layout
+        assert source.identifier is not None  # or there would be no conflict
+        senders = show_id(source.identifier, True), show_id(frame.id, True)
+        self.conflicts[layout.name] = senders
+        fault = layout.fault(
+            FaultKind.REPEATED, f"{senders[0]} and {senders[1]} both send it, the DBC names neither"
+        )
+        advice = "write the id of the device that is meant into the DBC"
+        return Readings(
+            layout.name, frame.stamp, frame.steady, faults=[replace(fault, advice=advice)]
+        )
 
 
 def _damage(layout: MessageLayout, data: bytes) -> Fault | None:
@@ -111,6 +157,9 @@ def _read(
             faults.append(layout.fault(FaultKind.SENSOR, detail, channel.name))
         elif channel.low <= value <= channel.high:
             values[channel.name] = value
+        elif code := code_of(channel.code_bits, count):
+            detail = f"{channel.name}: {channel.signal} is 0x{count:X}, which means {code}"
+            faults.append(layout.fault(FaultKind.SENSOR, detail, channel.name))
         else:
             faults.append(
                 layout.fault(

@@ -22,9 +22,6 @@ class ForeignCommands:
     """
 
     def __init__(self, layout: Layout):
-        self._layouts = {
-            (one.message.frame_id, one.message.is_extended_frame): one for one in layout.commands
-        }
         self._decoder = Decoder(layout.commands)
         self._own: deque[Frame] = deque(maxlen=REMEMBERED)
 
@@ -34,7 +31,7 @@ class ForeignCommands:
 
     def observe(self, frame: Frame) -> Fault | None:
         """The fault that a received frame is; None if it is no valve command."""
-        layout = self._layouts.get((frame.id, frame.extended))
+        layout = self._decoder.layout_of(frame)
         if layout is None:
             return None
         again = any((one.id, one.data) == (frame.id, frame.data) for one in self._own)

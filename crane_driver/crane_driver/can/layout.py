@@ -23,6 +23,7 @@ class Channel:
     high: float
     fault: str | None = None  # signal that is not 0 where the reading is no measurement
     is_float: bool = False
+    code_bits: int = 0  # its length if its greatest raw values are codes of J1939
 
     def raw(self, value: float) -> float:
         """Raw value nearest to an SI value."""
@@ -87,6 +88,7 @@ class MessageLayout:
     enable: str | None = None
     constants: dict[str, float] = field(default_factory=dict)  # raw values, all signals to be sent
     protection: Protected = UNPROTECTED
+    group: int | None = None  # of J1939, if frames of it from any source address are this message
 
     @property
     def name(self) -> str:
@@ -120,6 +122,7 @@ class Layout:
     commands: tuple[MessageLayout, ...]
     timing: Timing
     devices: dict[str, Device] = field(default_factory=dict)  # CANopen, by name
+    codes: bool = True  # codes of J1939 are not taken for readings
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -138,10 +141,15 @@ class Layout:
 
     @property
     def frames_of_cycle(self) -> frozenset[int]:
-        """Identifiers of the frames with positions and pressures that come most often."""
+        """Identifiers of the frames with positions and pressures that come most often; none if the
+        source address of one is not known before it comes.
+        """
         measuring = [one for one in self.readings if one.positions or one.pressures]
         shortest = min(one.cycle for one in measuring)
-        return frozenset(one.message.frame_id for one in measuring if one.cycle == shortest)
+        often = [one for one in measuring if one.cycle == shortest]
+        if any(one.group is not None for one in often):
+            return frozenset()
+        return frozenset(one.message.frame_id for one in often)
 
     def resolution(self, name: str) -> float:
         """One raw step of a position or pressure [SI]."""

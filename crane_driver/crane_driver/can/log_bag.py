@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_driver.faults import UNUSABLE, Fault
+from crane_model.errors import DataError
 
 
 class LogBag:
@@ -47,8 +48,13 @@ class LogBag:
         """Cycles of positions or pressures left out because one of their frames is not there."""
         return self._positions.incomplete + self._pressures.incomplete
 
+    @property
+    def unused(self) -> Mapping[tuple[int, bool], int]:
+        """Frames that the mapping does not use, by identifier (and whether it is extended)."""
+        return self._driver.unknown
+
     def add(self, frame: Frame) -> None:
-        """Write what this frame completes."""
+        """Write what this frame completes; `DataError` if two devices send one message."""
         if command := self._machine.decode(frame):
             self._count(command.faults)
             if not any(fault.kind in UNUSABLE for fault in command.faults):
@@ -61,6 +67,11 @@ class LogBag:
             self._count(faults)
             if not any(fault.kind in UNUSABLE for fault in faults):
                 self._readings(readings)
+        for message, (first, second) in (self._driver.conflicts | self._machine.conflicts).items():
+            raise DataError(
+                f"message {message}: {first} and {second} both send it, and the DBC names neither; "
+                "write the id of the device that is meant into the DBC, or each as a message"
+            )
 
     def finish(self) -> None:
         """Write what still waits for other frames, of which no more come."""

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_driver.can.bus_log import BusLog
+from crane_driver.can.bus_log import BusLog, Clock
 from crane_driver.can.dbc import by_group_alone
 from crane_driver.can.log_table import LogTable, Sender
 
@@ -57,7 +57,8 @@ def describe(log: BusLog, table: LogTable) -> str:
     lines = [
         f"{table.frames} frames read over {duration:.3f} s: {table.decoded} decoded, {unknown} of "
         f"{len(table.unknown)} unknown ids, {failed} not decodable",
-        *_beside(log),
+        *(f"beside them {text}" for text in beside(log)),
+        *_about_stamps(log),
         "",
         f"{'message':24} {'id':>8} {'frames':>7} {'cycle [ms]':>11} {'in DBC':>7} "
         f"{'gaps':>5} {'longest gap':>13}",
@@ -71,6 +72,12 @@ def describe(log: BusLog, table: LogTable) -> str:
     lines += ["", f"a gap is longer than {MANY_CYCLES} median cycles"]
     for (identifier, message, reason), count in table.failed.most_common():
         lines.append(f"not decodable: {count} frames of {message} ({identifier}): {reason}")
+    if table.codes:
+        counts = [f"{name}: {count} x {code}" for (name, code), count in table.codes.items()]
+        lines.append(
+            "not measurements, but codes of J1939 for which the DBC states no range: "
+            f"{', '.join(counts)}"
+        )
     if guessed := [
         f"{one.id} as {one.message.name}"
         for one in table.senders.values()
@@ -87,14 +94,34 @@ def describe(log: BusLog, table: LogTable) -> str:
     return "\n".join(lines)
 
 
-def _beside(log: BusLog) -> list[str]:
+def beside(log: BusLog) -> list[str]:
+    """Counts of everything in a log that was not read as a data frame."""
     counts = {
         "damaged lines, skipped": log.damaged,
         "error frames": log.errors,
         "remote frames": log.remote,
         "frames of other channels": log.others,
+        **log.events,
     }
-    lines = [f"beside them {count} {what}" for what, count in counts.items() if count]
+    return [f"{count} {what}" for what, count in counts.items() if count]
+
+
+def _about_stamps(log: BusLog) -> list[str]:
+    lines = []
+    if log.clock is Clock.START:
+        lines.append("the log states no date: its stamps count seconds from its beginning")
+    elif log.stamps is Clock.LOCAL:
+        lines.append(
+            "the log holds local time and does not state its zone: its stamps are kept as they "
+            "are; for UTC name the zone, for example --zone Europe/Berlin"
+        )
+    elif log.clock is Clock.LOCAL:
+        lines.append(f"the log holds local time, of the zone {log.zone}")
+    if log.lost_steps:
+        lines.append(
+            f"stamps are relative, and {log.lost_steps} damaged lines hold none: all behind such a "
+            "line is too early by what it held"
+        )
     if log.broken:
         lines.append(f"the log is damaged behind them, and was read no further: {log.broken}")
     return lines

@@ -1,37 +1,57 @@
 """Every signal of a bus log as one long table, and what the DBC could not decode."""
 
+import math
 from array import array
 from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars as pl
 from cantools.database import DecodeError
 from cantools.database.can import Message
 
+from crane_driver.can.bits import SignalBits
+from crane_driver.can.bus_log import Clock
 from crane_driver.can.dbc import Dbc
 from crane_driver.can.frame import Frame, show_id
+from crane_driver.can.signals import Code, code_bits, code_of
+from crane_model.errors import DataError
+
+if TYPE_CHECKING:
+    import polars as pl
 
 
 class Sender:
-    """The frames of one identifier, which decode as one message."""
+    """The frames of one identifier, which decode as one message.
 
-    def __init__(self, id: str, message: Message):
+    `code_bits`: by signal, its length if its greatest raw values are codes of J1939.
+    """
+
+    def __init__(self, id: str, message: Message, codes: bool):
         self.id, self.message = id, message
+        self.bits = SignalBits(message)
+        self.signals = {signal.name: signal for signal in message.signals}
+        self.code_bits = {
+            name: code_bits(message, signal) if codes else 0
+            for name, signal in self.signals.items()
+        }
         self.stamps = array("q")  # ns
 
 
 class LogTable:
     """Collects the values of frames.
 
-    Nothing is lost silently: `frames` is `decoded` plus all of `unknown` plus all of `failed`.
+    Nothing is lost silently: `frames` is `decoded` plus all of `unknown` plus all of `failed`, and
+    `codes` counts the values that are codes of J1939 and not measurements, unless they are kept.
     """
 
-    def __init__(self, dbc: Dbc):
-        self._dbc = dbc
+    def __init__(self, dbc: Dbc, keep_codes: bool = False):
+        self._dbc, self._keep_codes = dbc, keep_codes
         self.frames = 0
         self.first = self.last = 0  # ns, stamps
         self.unknown: Counter[str] = Counter()  # frames by identifier
         self.failed: Counter[tuple[str, str, str]] = Counter()  # by identifier, message, reason
+        self.codes: Counter[tuple[str, Code]] = Counter()  # values by MESSAGE.SIGNAL and kind
         self.senders: dict[str, Sender] = {}
         self._signals: dict[tuple[str, str], int] = {}  # message and signal: number
         # one entry a value: stamp [ns], number of sender and signal, value
@@ -58,17 +78,22 @@ class LogTable:
             reason = f"{len(frame.data)} bytes, the DBC says {message.length}"
             self.failed[shown, message.name, reason] += 1
             return
+        sender = self.senders.get(shown) or Sender(shown, message, not self._keep_codes)
         try:
-            values = message.decode_simple(frame.data, False)
+            values = sender.bits.unpack(frame.data)
         except DecodeError as error:  # a multiplexer value that the DBC does not have
             self.failed[shown, message.name, str(error)] += 1
             return
-        sender = self.senders.get(shown)
-        if sender is None:
-            sender = self.senders[shown] = Sender(shown, message)
-            self._numbers[shown] = len(self._numbers)
+        self.senders[shown] = sender
+        self._numbers.setdefault(shown, len(self._numbers))
         sender.stamps.append(frame.stamp)
-        for name, value in values.items():
+        for name, signal in sender.signals.items():
+            if (raw := values.get(name)) is None:  # multiplexed, and not in this frame
+                continue
+            value = signal.raw_to_scaled(raw, decode_choices=False)
+            if code := code_of(sender.code_bits[name], raw):
+                self.codes[f"{message.name}.{name}", code] += 1
+                value = math.nan
             self._stamps.append(frame.stamp)
             self._of_sender.append(self._numbers[shown])
             self._of_signal.append(
@@ -76,12 +101,28 @@ class LogTable:
             )
             self._values.append(float(value))  # type: ignore[arg-type]  # names are not decoded
 
-    def table(self) -> pl.DataFrame:
-        """One row a value: stamp (UTC), id, message, signal, value, unit, in_range.
+    def write(self, path: Path, stamps: Clock) -> None:
+        """Write the table to a .csv or .parquet file; `DataError` if that fails."""
+        table = self.table(stamps)
+        try:
+            if path.suffix == ".csv":
+                table.write_csv(path)
+            else:
+                table.write_parquet(path)
+        except OSError as error:
+            raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
 
-        `in_range`: whether the value is within the limits of the DBC. What J1939 devices send for
-        «not available», all bits set, is not.
+    def table(self, stamps: Clock = Clock.EPOCH) -> "pl.DataFrame":
+        """One row a value: stamp, id, message, signal, value, unit, in_range.
+
+        The stamp is of UTC, without a zone if it is local time. If the log states no date, `time`
+        [s] from its beginning takes its place.
+
+        `in_range`: whether the value is within the limits of the DBC. A value that is a code of
+        J1939, and not a measurement, is empty and not in range.
         """
+        import polars as pl  # large, and bags need none
+
         signals = [self._signal(*key) for key in self._signals]
         senders = pl.DataFrame({"id": list(self.senders)}, schema={"id": pl.String})
         described = pl.DataFrame(
@@ -99,11 +140,13 @@ class LogTable:
         stamp = pl.Series("stamp", np.array(self._stamps, dtype=np.int64))
         rows = described[np.array(self._of_signal, dtype=np.uint32)]
         return rows.select(
-            stamp.cast(pl.Datetime("ns", "UTC")),
+            (stamp / 1e9).alias("time")
+            if stamps is Clock.START
+            else stamp.cast(pl.Datetime("ns", "UTC" if stamps is Clock.EPOCH else None)),
             senders["id"].gather(np.array(self._of_sender, dtype=np.uint32)),
             "message",
             "signal",
-            value,
+            value.fill_nan(None),
             "unit",
             in_range=(pl.col("low") <= value) & (value <= pl.col("high")),
         )

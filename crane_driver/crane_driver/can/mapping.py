@@ -14,22 +14,42 @@ SignalName = Annotated[str, Field(pattern=r"^\w+\.\w+$")]
 LINES = ("supply", "tank")
 """Pressures that are of no joint; those of a joint's chambers are JOINT.a and JOINT.b."""
 
-# Quantity and size in SI units; units are compared without regard to case.
+# Quantity and size in SI units; units are compared by these, without regard to case.
 UNITS = {
     "rad": ("angle", 1.0),
-    "deg": ("angle", math.pi / 180),
-    "°": ("angle", math.pi / 180),
+    **dict.fromkeys(("deg", "°", "º", "˚", "degree", "degrees", "grad"), ("angle", math.pi / 180)),
+    "mrad": ("angle", 1e-3),
     "m": ("length", 1.0),
     "cm": ("length", 1e-2),
     "mm": ("length", 1e-3),
     "pa": ("pressure", 1.0),
     "kpa": ("pressure", 1e3),
     "mpa": ("pressure", 1e6),
+    "mbar": ("pressure", 1e2),
     "bar": ("pressure", 1e5),
+    "psi": ("pressure", 6894.757293168),
     "": ("ratio", 1.0),
     "-": ("ratio", 1.0),
-    "%": ("ratio", 1e-2),
+    **dict.fromkeys(("%", "percent", "prozent"), ("ratio", 1e-2)),
 }
+
+
+def spellings(unit: str) -> tuple[str, ...]:
+    """A unit as it was read, and as it reads in GB2312: "¡ã" is the degree of a Chinese tool in a
+    file that is not of one encoding.
+    """
+    try:
+        return unit, unit.encode("cp1252").decode("gb2312")
+    except UnicodeError:
+        return (unit,)
+
+
+def unit_of(text: str) -> tuple[str, float] | None:
+    """Quantity and size of a unit in any spelling; None if it is not known."""
+    for spelled in spellings(text):
+        if found := UNITS.get(spelled.strip().strip("[]()").strip(" .").casefold()):
+            return found
+    return None
 
 
 class PositionSignal(Schema):
@@ -107,7 +127,11 @@ class Timing(Schema):
 
 
 class Mapping(Schema):
-    """One machine's mapping of its DBC file."""
+    """One machine's mapping of its DBC file.
+
+    codes: whether the greatest raw values of a J1939 message are codes ("not available", "error")
+    for which the DBC states no range, or, by "none", measurements.
+    """
 
     positions: Annotated[dict[str, PositionSignal], Field(min_length=1)]
     pressures: dict[str, PressureSignal] = {}
@@ -117,6 +141,7 @@ class Mapping(Schema):
     states: dict[str, StateSignal] = {}
     protection: dict[str, Protection] = {}
     timing: Timing
+    codes: Literal["j1939", "none"] = "j1939"
     canopen: dict[str, Device] = {}
 
     @field_validator("canopen")

@@ -2,7 +2,8 @@
 
 A bag of two messages, and what it holds:
 
->>> from crane_bags import Place, Topic, BagWriter, namespace_of, read_fields, read_topics
+>>> from crane_bags import Place, Topic, BagWriter, namespace_of, read_fields
+>>> from crane_bags import read_messages, read_topics
 >>> states = Topic("/joint_states", "sensor_msgs/msg/JointState")
 >>> with BagWriter("bag") as bag:
 ...     channel = bag.add_arrays(states, ["telescope"])
@@ -20,6 +21,12 @@ Single numbers are read out of any topic of any type:
 >>> found["/joint_states"].fields["effort[telescope]"].tolist()
 [300.0, 300.0]
 
+Messages of given types are read one by one:
+
+>>> found = read_messages("bag", ["sensor_msgs/msg/JointState"])
+>>> [(topic, message.position.tolist()) for topic, log_time, message in found]
+[('/joint_states', [0.0]), ('/joint_states', [0.1])]
+
 The topics of the suite and their types:
 
 >>> from crane_bags import TOPICS, typestore
@@ -34,6 +41,7 @@ from crane_model.lazily import lazily
 if TYPE_CHECKING:
     from crane_bags.fields import Place as Place
     from crane_bags.fields import read_fields as read_fields
+    from crane_bags.fields import read_messages as read_messages
     from crane_bags.namespaces import namespace_of as namespace_of
     from crane_bags.reader import TopicData as TopicData
     from crane_bags.reader import read_topics as read_topics
@@ -46,7 +54,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazily(
     __name__,
     {
-        "fields": ("Place", "read_fields"),
+        "fields": ("Place", "read_fields", "read_messages"),
         "namespaces": ("namespace_of",),
         "reader": ("TopicData", "read_topics"),
         "types": ("TOPICS", "Topic", "typestore"),

@@ -1,7 +1,7 @@
 """Single numbers out of the messages of any topic, of any type."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from rosbags.typesys.store import Typestore
 
 from crane_bags.decoding import Table, header_stamps
 from crane_bags.reader import TopicData, in_order
-from crane_bags.storage import blocks, connections, open_bag
+from crane_bags.storage import BLOCK, blocks, connections, messages, open_bag
 from crane_bags.types import typestore
 from crane_model.errors import DataError
 from crane_model.progress import Progress
@@ -114,8 +114,8 @@ def read_fields(
         for block in blocks(path, reader, wanted):
             msgtype, store = known[block.topic]
             try:
-                messages = [store.deserialize_cdr(one, msgtype) for one in block.messages]
-                gathered[block.topic].add(messages, block.log_times)
+                decoded = [store.deserialize_cdr(one, msgtype) for one in block.messages]
+                gathered[block.topic].add(decoded, block.log_times)
             except (SerdeError, ValueError) as error:
                 raise DataError(
                     f"{path}: topic {block.topic}, {msgtype}: {error}; correct the column map"
@@ -125,10 +125,57 @@ def read_fields(
                     f"{path}: topic {block.topic}: the definition of {msgtype} in the bag lacks "
                     f"{error}; record it again with the package of that type installed"
                 ) from error
-            done += len(messages)
+            done += len(decoded)
             if progress:
                 progress(f"reading {path.name}", min(done / reader.message_count, 1.0))
     return {topic: one.data(path, topic) for topic, one in gathered.items()}
+
+
+def read_messages(
+    path: Path | str, msgtypes: Collection[str], progress: Progress | None = None
+) -> Iterator[tuple[str, int, Any]]:
+    """All messages of some types, whatever their topics.
+
+    Parameters
+    ----------
+    path
+        Bag: a folder, or one of its files.
+    msgtypes
+        Types of the messages, for example can_msgs/msg/Frame.
+    progress
+        Told which share of the bag has been read.
+
+    Yields
+    ------
+    Topic, log time [ns] and message, in order of log time.
+
+    Raises
+    ------
+    DataError
+        If the bag cannot be read, or holds no topic of these types.
+    """
+    path = Path(path)
+    with open_bag(path) as reader:
+        stated = {one.topic: one.msgtype for one in reader.connections}
+        topics = [topic for topic, msgtype in stated.items() if msgtype in msgtypes]
+        if not topics:
+            there = ", ".join(f"{topic} ({msgtype})" for topic, msgtype in sorted(stated.items()))
+            raise DataError(
+                f"{path}: no topic of type {' or '.join(msgtypes)}; the bag holds {there}; record "
+                "such a topic, or name another bag"
+            )
+        stores = {topic: _store(path, connections(reader, topic)) for topic in topics}
+        found = messages(path, reader, topics)
+        for number, (connection, log_time, data) in enumerate(found, start=1):
+            try:
+                message = stores[connection.topic].deserialize_cdr(data, connection.msgtype)
+            except (SerdeError, ValueError) as error:
+                raise DataError(
+                    f"{path}: topic {connection.topic}: {error}; the bag is damaged"
+                ) from error
+            if progress and number % BLOCK == 0:
+                progress(f"reading {path.name}", min(number / reader.message_count, 1.0))
+            yield connection.topic, log_time, message
 
 
 class _Gathered:

@@ -14,7 +14,7 @@ from rosbags.typesys.store import Typestore
 from crane_bags.clocks import NANOSECONDS, clock_step
 from crane_bags.decoding import Table, cells, concatenate, decode
 from crane_bags.storage import announced, blocks, connections, open_bag
-from crane_bags.types import Topic, typestore
+from crane_bags.types import CAN_FRAMES, Topic, typestore
 from crane_model.errors import DataError
 from crane_model.progress import Progress
 
@@ -115,6 +115,12 @@ def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: b
         present = sorted({one.topic for one in reader.connections})
         if topic.name in present:
             raise DataError(f"{path}: topic {topic.name} holds no message; check its publisher")
+        if frames := {one.topic for one in reader.connections if one.msgtype in CAN_FRAMES}:
+            raise DataError(
+                f"{path}: no topic {topic.name}, but CAN frames on {', '.join(sorted(frames))}; "
+                f"decode them first: ros2 run crane_driver decode --log {path} --dbc CAN.dbc "
+                "--mapping CAN.yaml --out BAG"
+            )
         raise DataError(
             f"{path}: no topic {topic.name}; the bag holds {', '.join(present)}; record the topic, "
             "name yours in a column map (--columns), or name another bag"

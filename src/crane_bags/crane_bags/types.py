@@ -65,9 +65,32 @@ TOPICS = (
 /position_estimate has not."""
 
 
+CAN_FRAMES = {
+    "can_msgs/msg/Frame": """
+        std_msgs/Header header
+        uint32 id
+        bool is_rtr
+        bool is_extended
+        bool is_error
+        uint8 dlc
+        uint8[8] data
+    """,
+    "ros2_socketcan_msgs/msg/FdFrame": """
+        std_msgs/Header header
+        uint32 id
+        bool is_extended
+        bool is_error
+        uint8 len
+        uint8[<=64] data
+    """,
+}
+"""Types of what ros2_socketcan records of a CAN bus, with their definitions."""
+
+
 @cache
 def typestore() -> Typestore:
-    """Message types of ROS 2 Jazzy and of crane_interfaces, which come with this package.
+    """Message types of ROS 2 Jazzy, of crane_interfaces, which come with this package, and of CAN
+    frames.
 
     `CraneError` if they did not.
     """
@@ -81,6 +104,8 @@ def typestore() -> Typestore:
     types: dict[str, Any] = {}
     for path in definitions:
         types |= get_types_from_msg(path.read_text("utf-8"), f"{INTERFACES}/msg/{path.stem}")
+    for name, definition in CAN_FRAMES.items():
+        types |= get_types_from_msg(definition, name)
     store.register(types)
     return store
 

@@ -5,6 +5,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -226,6 +227,42 @@ def test_a_signal_without_unit_takes_that_of_the_mapping(
     mapping = changed(**{"pressures__inner_boom.a__signal": "Sensors.Mode", "states": {}})
     layout = load_layout(load_machine(), write_mapping(mapping), write_dbc(MESSAGES, MODES))
     assert layout.resolution("inner_boom.a") == 1e5
+
+
+@pytest.mark.parametrize("spelled", ["°", "º", "Grad", "Degree", "[deg]", "\xa1\xe3", " DEG "])
+def test_units_are_compared_by_what_they_mean(
+    spelled: str, write_dbc: WriteDbc, write_mapping: WriteMapping
+) -> None:
+    messages = deepcopy(MESSAGES)
+    name, how, _ = messages["Sensors"][3][0]
+    messages["Sensors"][3][0] = (name, how, spelled)
+    layout = load_layout(load_machine(), write_mapping(MAPPING), write_dbc(messages, MODES))
+    assert layout.resolution("inner_boom") == pytest.approx(0.01 * np.pi / 180)
+
+
+@pytest.mark.parametrize(
+    ("spelled", "shown"), [("klick", "'klick'"), ("\xa1\xe6", "'\xa1\xe6' or '℃'")]
+)
+def test_a_unit_that_is_not_known_is_answered_by_those_that_are(
+    spelled: str, shown: str, write_dbc: WriteDbc, write_mapping: WriteMapping
+) -> None:
+    messages = deepcopy(MESSAGES)
+    name, how, _ = messages["Sensors"][3][0]
+    messages["Sensors"][3][0] = (name, how, spelled)
+    with pytest.raises(
+        ConfigurationError, match=f"in {shown}, which is none of rad, deg, °, .*grad"
+    ):
+        load_layout(load_machine(), write_mapping(MAPPING), write_dbc(messages, MODES))
+
+
+def test_a_message_whose_signals_overlap_is_not_sent(
+    write_dbc: WriteDbc, write_mapping: WriteMapping
+) -> None:
+    messages = deepcopy(MESSAGES)
+    messages["Valve"][3].append(("Flag", "0|1@1+ (1,0) [0|0]", ""))
+    mapping = changed(constants={"Valve.Key": 90, "Valve.Flag": 0})
+    with pytest.raises(ConfigurationError, match="signals of message Valve overlap"):
+        load_layout(load_machine(), write_mapping(mapping), write_dbc(messages, MODES))
 
 
 def test_all_contradictions_are_listed_at_once(

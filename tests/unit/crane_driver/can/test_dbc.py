@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from crane_driver.can.bits import SignalBits
 from crane_driver.can.dbc import by_group_alone, load_dbc
 from crane_model.errors import ConfigurationError
 
@@ -29,6 +30,30 @@ def test_a_signal_beyond_its_message_is_refused(real_data: Path) -> None:
     assert str(caught.value) == (
         f"{path}: not a valid DBC file: The signal Signal1 does not fit in message Message1."
     )
+
+
+def test_nothing_that_a_terminal_would_obey_is_printed_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "machine.dbc"
+    path.write_bytes("\x1b[2J no DBC".encode("utf-16"))
+    with pytest.raises(ConfigurationError, match="not a valid DBC file") as caught:
+        load_dbc(path)
+    assert str(caught.value).isprintable()
+
+
+def test_flags_may_overlap_their_byte(write_dbc: Callable[..., Path]) -> None:
+    signals = [
+        ("Status", "0|8@1+ (1,0) [0|0]", ""),
+        ("Alarm", "3|1@1+ (1,0) [0|0]", ""),
+        ("Both", "7|16@0+ (1,0) [0|0]", ""),
+        ("Angle", "16|16@1- (1,0) [0|0]", ""),
+    ]
+    (message,) = load_dbc(write_dbc({"Boom": (1, 4, 5, signals)})).messages.values()
+    assert SignalBits(message).unpack(bytes.fromhex("0901FFFF")) == {
+        "Status": 9,
+        "Alarm": 1,
+        "Both": 0x0901,
+        "Angle": -1,
+    }
 
 
 @pytest.mark.parametrize(
@@ -63,10 +88,13 @@ def test_two_messages_of_one_name_or_one_id_are_refused(write_dbc: Callable[...,
         load_dbc(path)
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
-def test_units_are_read_in_either_encoding(write_dbc: Callable[..., Path], encoding: str) -> None:
+@pytest.mark.parametrize(
+    "encoding", ["utf-8", "cp1252", "utf-8-sig", "utf-16", "utf-16-be", "gb2312"]
+)
+def test_units_are_read_in_every_encoding(write_dbc: Callable[..., Path], encoding: str) -> None:
     path = write_dbc({"Boom": (1, 8, 5, [("Angle", "0|16@1- (1,0) [0|0]", "°")])})
-    path.write_bytes(path.read_text().encode(encoding))
+    mark = "\ufeff" if encoding == "utf-16" else ""  # left over by a conversion
+    path.write_bytes((mark + path.read_text()).encode(encoding))
     (signal,) = load_dbc(path).messages["Boom"].signals
     assert signal.unit == "°"
 
@@ -90,7 +118,7 @@ def test_j1939_messages_are_found_by_their_group(write_dbc: Callable[..., Path])
     assert dbc.find(0x0CF00400, True) is broadcast  # another source address
     assert dbc.find(0x18F00421, True) is broadcast  # another priority, too
     assert dbc.find(0x0CF00500, True) is None  # another group
-    assert dbc.find(0x18EF2700, True) is dbc.messages["Addressed"]  # another destination
+    assert dbc.find(0x18EF2700, True) is dbc.messages["Addressed"]  # to any destination
     assert dbc.find(0x100, False) is dbc.messages["Standard"]
     assert dbc.find(0x100, True) is None
 
@@ -125,3 +153,9 @@ def test_a_dbc_that_says_nothing_may_be_of_j1939(write_dbc: Callable[..., Path])
     assert message is dbc.messages["Own"]
     assert by_group_alone(message, "0CF00421")
     assert not by_group_alone(message, "0CF004FE")
+
+
+def test_a_message_to_one_address_is_not_that_to_another(write_dbc: Callable[..., Path]) -> None:
+    dbc = load_dbc(write_dbc({"Addressed": (extended(0x18EF21FE), 8, 0, [])}, J1939))
+    assert dbc.find(0x18EF2105, True) is dbc.messages["Addressed"]
+    assert dbc.find(0x18EF2205, True) is None

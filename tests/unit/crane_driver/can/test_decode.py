@@ -1,6 +1,7 @@
 """The decode command: a log of the laboratory crane to a table and to a bag."""
 
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,21 @@ def test_the_bag_holds_the_topics_of_the_driver(
     assert f"{out}: /joint_states: 38 messages" in report
     assert "EncoderBoom: 1 x checksum" in report
     assert "2 cycles left out" in report
+
+
+def test_polars_is_needed_for_tables_alone(
+    crane_log: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setitem(sys.modules, "polars", None)
+    arguments = ["--dbc", str(DBC), "--log", str(crane_log), "--mapping", str(MAPPING)]
+    assert main([*arguments, "--out", str(tmp_path / "bag")]) == 0
+    capsys.readouterr()
+    assert main([*arguments, "--out", str(tmp_path / "crane.csv")]) == 1
+    assert "polars is not installed" in (said := capsys.readouterr().err)
+    assert "install it by: make tables" in said
 
 
 def test_a_bag_needs_a_mapping(
