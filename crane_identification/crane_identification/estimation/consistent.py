@@ -16,6 +16,7 @@ d(P, P0) = -log det P + log det P0 + tr(P0⁻¹ P) - 4 keeps P positive definite
 any frame and unit.
 """
 
+import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -94,10 +95,11 @@ def _constrained(
     import cvxpy  # two seconds, for those who need them
 
     units, constraints = squares.units, dict[str, Any]()
-    scaled, divergence = cvxpy.Variable(len(units)), 0.0
+    scaled: Any = cvxpy.Variable(len(units))
+    divergence, variables = 0.0, list[tuple[Any, float]]()
     if physics.bodies is not None:
         part = physics.bodies.part
-        ours, divergence = _of_bodies(physics.bodies, squares, prior, constraints)
+        ours, divergence, variables = _of_bodies(physics.bodies, squares, prior, constraints)
         scaled = cvxpy.hstack([scaled[: part.start], ours, scaled[part.stop :]])
     for one in physics.inequalities:
         share = one.weights * units
@@ -108,7 +110,9 @@ def _constrained(
         cvxpy.Minimize(cvxpy.sum_squares(distance) + divergence), list(constraints.values())
     )
     try:
-        problem.solve(solver=cvxpy.CLARABEL)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Solution may be inaccurate")  # see below
+            problem.solve(solver=cvxpy.CLARABEL)
     except cvxpy.error.SolverError as error:
         raise DataError(f"physically consistent fit: {error}; see by plain least squares") from None
     if problem.status not in (cvxpy.OPTIMAL, cvxpy.OPTIMAL_INACCURATE):
@@ -116,6 +120,9 @@ def _constrained(
             f"physically consistent fit: the solver ends with '{problem.status}'; check the units "
             f"and signs of the recording, or see by plain least squares what is not physical"
         )
+    for X, least in variables:  # whatever the solver rounds, the bodies can exist
+        short = max(least - float(np.linalg.eigvalsh(X.value)[0]), 0.0)
+        X.value = X.value + short * np.eye(len(X.value))
     values = np.asarray(scaled.value) * units
     if float(np.sum(distance.value**2)) <= FELT**2:
         return values, ()
@@ -155,10 +162,11 @@ def _squares(rows: Rows, weights: np.ndarray, free: Fit, prior: Prior | None) ->
 
 def _of_bodies(
     bodies: Bodies, squares: _Squares, prior: Prior | None, constraints: dict[str, Any]
-) -> tuple[Any, Any]:
+) -> tuple[Any, Any, list[tuple[Any, float]]]:
     """Θ / units of the bodies as an expression (r,), and the divergence from those that are known.
 
-    What the bodies must obey joins the `constraints`.
+    What the bodies must obey joins the `constraints`. Behind them stand the variables that may be
+    enlarged alone, with their smallest eigenvalues.
     """
     import cvxpy
 
@@ -172,7 +180,7 @@ def _of_bodies(
         made = squares.triangle[:, bodies.part] @ (bodies.base @ equal / units)
         mass = squares.force / max(float(np.linalg.norm(made)), np.finfo(float).tiny)
     known = None if prior is None else prior.bodies
-    standard, divergence = [], 0.0
+    standard, divergence, variables = [], 0.0, []
     for i, name in enumerate(bodies.names):
         # P = K X Kᵀ, with X of the size 1.
         factor = np.sqrt(mass) * np.diag(bodies.size)
@@ -180,31 +188,30 @@ def _of_bodies(
             factor = np.linalg.cholesky(known.pseudo_inertia[i])
         X = cvxpy.Variable((len(factor), len(factor)), symmetric=True)
         moments = np.array([factor.T @ each @ factor for each in bodies.moments])
+        least = smallest * bodies.definite[i]
+        if bodies.in_space and bodies.definite[i]:
+            variables.append((X, least))
         standard.append(moments.reshape(len(moments), -1) @ cvxpy.vec(X, order="C"))
         if known is not None:
             weight = 2.0 * squares.excess / known.relative_std_dev[i] ** 2
             divergence += weight * (cvxpy.trace(X) - cvxpy.log_det(X) - len(factor))
             continue
-        constraints[f"pseudo-inertia of {name}"] = (
-            X >> smallest * bodies.definite[i] * np.eye(len(factor))
-        )
+        constraints[f"pseudo-inertia of {name}"] = X >> least * np.eye(len(factor))
         constraints[f"mass of {name}"] = X[-1, -1] <= HEAVIEST
     all_of_them = cvxpy.hstack(standard)
     size = mass * float(np.abs(equal).max())
     if len(bodies.none):
         constraints["axis"] = bodies.none / size @ all_of_them == 0.0
     ours = (bodies.base / units[:, None]) @ all_of_them
-    if bodies.rotors.shape[1]:
+    if known is None and bodies.rotors.shape[1]:  # known bodies tell rotors from links
         rotors = bodies.rotors / units[:, None]
         ours = ours + rotors / np.linalg.norm(rotors, axis=0) @ cvxpy.Variable(
             rotors.shape[1], nonneg=True
         )
-    return ours, divergence
+    return ours, divergence, variables
 
 
-def _bounded(
-    squares: _Squares, bounds: Sequence[Inequality]
-) -> tuple[np.ndarray, tuple[str, ...]]:
+def _bounded(squares: _Squares, bounds: Sequence[Inequality]) -> tuple[np.ndarray, tuple[str, ...]]:
     """The same where single parameters alone are bounded, exactly, however alike columns are."""
     triangle, target, units, *_ = squares
     least, most = np.full((2, len(units)), [[-np.inf], [np.inf]])

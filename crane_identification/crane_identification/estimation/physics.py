@@ -35,9 +35,9 @@ class Bodies:
     A body has s standard parameters, `moments` (s, d, d) : P. `base` (r, k s) @ those of all bodies
     gives Θ[`part`], for any bodies for which `none` (c, k s) @ standard parameters is 0. To these
     `rotors` (r, l) adds, times an inertia of at least 0 each, those of drives that the machine has
-    and the model lacks, if the forces cannot tell them from bodies. `size` (d,) is the square root of the diagonal of a body of unit size; with `of_force` that unit counts in
-    the mass with which equal bodies would make the measured force. A P in these units has no
-    eigenvalue below `smallest` (k,).
+    and the model lacks, if forces cannot tell them from bodies. A body of 1 kg has P about the
+    square of `size` (d,), on its diagonal. P is positive definite where `definite` (k,), elsewhere
+    at least not negative.
     """
 
     part: slice
@@ -51,7 +51,7 @@ class Bodies:
 
     @property
     def in_space(self) -> bool:
-        """Or in the plane."""
+        """Whether bodies have all ten parameters; else they are planar."""
         return self.moments.shape[1] == 4
 
 
@@ -153,7 +153,7 @@ def _hidden_rotors(model: Model, term: Term, machine: Machine) -> np.ndarray:
     motion = np.random.default_rng(0).standard_normal((3, STATES, len(model.joints)))
     record = Record(model.joints, np.arange(float(STATES)), *motion)
     columns = term.columns(record, model.setting)
-    taken = [np.zeros((columns.shape[2], 0))]
+    taken = np.zeros((columns.shape[2], 0))
     for joint in lacking:
         try:
             rotor = RotorInertia(joint=joint).columns(record, model.setting)
@@ -161,5 +161,5 @@ def _hidden_rotors(model: Model, term: Term, machine: Machine) -> np.ndarray:
             continue
         alike = np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), rotor.ravel(), rcond=None)[0]
         if np.linalg.norm(columns @ alike - rotor[:, :, 0]) < ALIKE * np.linalg.norm(rotor):
-            taken.append(alike[:, np.newaxis])
-    return np.hstack(taken)
+            taken = np.column_stack([taken, alike])
+    return taken

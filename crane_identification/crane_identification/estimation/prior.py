@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from scipy.linalg import block_diag
 from pydantic import model_validator
+from scipy.linalg import block_diag
 
 from crane_model.chain import pseudo_inertia
 from crane_model.configuration import Positive, Schema, load
