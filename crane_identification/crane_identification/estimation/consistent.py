@@ -41,6 +41,9 @@ and of the mean length of a link: a hundred times what the solver rounds."""
 HEAVIEST = 1000.0
 """Mass that no body reaches, in these units. That of an inner boom moves nothing and would have no
 limit."""
+CLEAN = 1e-6
+"""Share of the force that a residual of simulated data, without noise, counts as having: from less,
+the solver would be asked for digits that it does not have."""
 FELT = 0.01
 """Standard deviations of the force by which a constraint must hold Θ back to be named."""
 
@@ -147,7 +150,7 @@ def _squares(rows: Rows, weights: np.ndarray, free: Fit, prior: Prior | None) ->
     units = size / np.where(norms > 0.0, norms, 1.0)
     residual = force - matrix @ free.values
     deviation = np.sqrt(residual @ residual / (len(residual) - matrix.shape[1]))
-    deviation = max(float(deviation), np.finfo(float).tiny)
+    deviation = max(float(deviation), CLEAN * size / np.sqrt(len(force)), np.finfo(float).tiny)
     excess = 1.0
     if free.beforehand is not None and prior is not None:
         excess = float(np.linalg.norm(free.beforehand[0]) / np.linalg.norm(prior.matrix)) ** 2
