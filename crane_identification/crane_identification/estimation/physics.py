@@ -67,10 +67,13 @@ class Physics:
         return [one.name for one in self.inequalities if one.weights @ values < one.least]
 
 
-def physics(model: Model) -> Physics:
-    """Minimum of every parameter, friction (13) that brakes in both directions, and the bodies."""
+def physics(model: Model, bodies_in_space: bool = True) -> Physics:
+    """Minimum of every parameter, friction (13) that brakes in both directions, and the bodies.
+
+    Without `bodies_in_space`, of bodies only those of a planar crane.
+    """
     names = [parameter.name for parameter in model.parameters]
-    unit, bodies = np.eye(len(names)), _bodies(model)
+    unit, bodies = np.eye(len(names)), _bodies(model, bodies_in_space)
     # Minima of a body in space follow from its pseudo-inertia.
     implied = range(len(names))[bodies.part] if bodies and bodies.in_space else range(0)
     inequalities = [
@@ -99,10 +102,10 @@ def _asymmetries(model: Model) -> list[tuple[int, int]]:
     return [(mean, half) for *_, mean, half in sorted(pairs)]
 
 
-def _bodies(model: Model) -> Bodies | None:
+def _bodies(model: Model, in_space: bool) -> Bodies | None:
     if model.base_parameters is not None:
         return _in_the_plane(model, model.base_parameters)
-    for term in model.terms:
+    for term in model.terms if in_space else ():
         base = term.of_bodies(model.setting)
         if base is not None:
             return _in_space(model, term, base)
