@@ -36,7 +36,7 @@ class KnownBody(Schema):
 
     @model_validator(mode="after")
     def _realizable(self) -> Self:
-        if self.second_moments[0] < 0.0:
+        if self.second_moments[0] < -THIN * self.second_moments[-1]:
             raise ValueError(
                 f"inertia {list(self.inertia)}, products {list(self.products)}: no distribution of "
                 "mass has these; the largest may not exceed the sum of the other two"

@@ -41,7 +41,8 @@ TRUSTED = 0.3  # relative standard deviation of a body, until the user knows bet
 UNLIMITED = 1e3
 """Position [rad, m] from which on a limit is none: the URDF needed some number."""
 ROUNDED = 1e-9
-"""Share of the largest second moment by which rounding may make another negative."""
+"""Share of the largest second moment by which rounding may make another negative; a body that has
+no more than this is flat."""
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 
 
@@ -145,7 +146,8 @@ def prior_file(bodies: Sequence[LinkBody], source: str) -> str:
         xx, xy, yy, xz, yz, zz = body.ten[4:]
         about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         inertia = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-        definite &= np.linalg.eigvalsh(pseudo_inertia(_ten(mass, np.zeros(3), inertia)))[0] > 0.0
+        second = _second_moments(mass, inertia)
+        definite &= bool(second[0] > ROUNDED * second[2])
         lines.append(
             f"  {body.joint}: {{mass: {mass:.6g}, centre_of_mass: {_list(centre)},\n"
             f"    inertia: {_list(np.diag(inertia))}, products: "
@@ -173,11 +175,17 @@ def _inertial(link: ET.Element | None, place: Array, path: Path) -> Array | Impo
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if kilograms == 0.0 and not tensor.any():
         return np.zeros(10)
-    second = np.linalg.eigvalsh(pseudo_inertia(_ten(kilograms, np.zeros(3), tensor))[:3, :3])
+    second = _second_moments(kilograms, tensor)
     if not (kilograms > 0.0 and second[0] >= -ROUNDED * second[2]):
         return ImpossibleBody(name, kilograms, np.linalg.eigvalsh(tensor))
     turn = placed[:3, :3]
     return _ten(kilograms, placed[:3, 3], turn @ tensor @ turn.T)
+
+
+def _second_moments(mass: float, inertia: Array) -> Array:
+    """(3,) along the principal axes through the centre of mass, rising [kg m2]."""
+    moments: Array = np.linalg.eigvalsh(pseudo_inertia(_ten(mass, np.zeros(3), inertia))[:3, :3])
+    return moments
 
 
 def _ten(mass: float, centre: Array, inertia: Array) -> Array:

@@ -201,9 +201,10 @@ def test_every_body_can_exist_and_the_model_predicts_as_well(tmp_path: Path, nam
         assert held_out(physical, other) < 1.05 * held_out(free, other)
 
 
-def test_where_all_bodies_can_exist_the_fit_is_least_squares(tmp_path: Path) -> None:
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_where_all_bodies_can_exist_the_fit_is_least_squares(tmp_path: Path, noise: float) -> None:
     model = model_of(tmp_path, UR)
-    logs = [log(model, UR, seed, noise=0.01) for seed in range(3)]
+    logs = [log(model, UR, seed, noise=noise) for seed in range(3)]
     free, physical = (fit(model, logs, one).estimate for one in (LEAST_SQUARES, CONSISTENT))
     assert smallest_eigenvalue(model, free.values, UR) > 1e-4
     assert physical.bounds == ()

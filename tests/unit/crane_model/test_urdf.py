@@ -276,6 +276,14 @@ def with_bodies(*inertials: str) -> str:
     )
 
 
+MODEL = """
+name: arm
+machine: arm.yaml
+joints: {j0: m, j1: rad}
+terms: [{type: serial_rigid_body}]
+"""
+
+
 def test_bodies_of_links_are_those_of_pinocchio(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     given = [INERTIAL.format(c="0.1 0.2 -0.3", m=m, i=0.45) for m in (4.0, 2.5)]
@@ -293,19 +301,28 @@ def test_a_urdf_becomes_a_prior(tmp_path: Path, capsys: pytest.CaptureFixture[st
     file = tmp_path / "arm.urdf"
     given = [INERTIAL.format(c="0.1 0.2 -0.3", m=m, i=0.45) for m in (4.0, 2.5)]
     file.write_text(with_bodies(*given))
-    prior_path, machine_path = tmp_path / "prior.yaml", tmp_path / "arm.yaml"
+    prior_path = tmp_path / "prior.yaml"
     assert main(["--urdf", str(file), "--prior", str(prior_path)]) == 0
     assert f"{prior_path}: written; 2 of 2 bodies are known" in capsys.readouterr().out
-    (tmp_path / "model.yaml").write_text(
-        f"name: arm\nmachine: {machine_path.name}\njoints: {{j0: m, j1: rad}}\n"
-        "terms: [{type: serial_rigid_body}]\n"
-    )
+    (tmp_path / "model.yaml").write_text(MODEL)
     model = load_model(tmp_path / "model.yaml")
     prior = load_prior(prior_path, model)
     assert prior.bodies is not None
     ten = np.concatenate([body.ten for body in bodies_from_urdf(file)])
     theta = model.terms[0].of_bodies(model.setting) @ ten
     np.testing.assert_allclose(prior.matrix @ theta, prior.values, rtol=1e-4, atol=1e-4)
+
+
+def test_a_flat_body_can_exist_but_has_no_log_det(tmp_path: Path) -> None:
+    """A plate whose moments of inertia add up, but for rounding: 0.1 + 0.2 is not 0.3."""
+    file, prior = tmp_path / "arm.urdf", tmp_path / "prior.yaml"
+    plate = '<inertial><mass value="2"/><inertia ixx="0.1" iyy="0.3" izz="0.2"/></inertial>'
+    file.write_text(with_bodies(plate, INERTIAL.format(c="0 0 0", m=1.0, i=0.45)))
+    assert main(["--urdf", str(file), "--prior", str(prior)]) == 0
+    assert all(body.known for body in bodies_from_urdf(file))
+    assert "measure: gaussian" in prior.read_text()
+    (tmp_path / "model.yaml").write_text(MODEL)
+    assert load_prior(prior, load_model(tmp_path / "model.yaml")).bodies is None
 
 
 @pytest.mark.parametrize(
