@@ -13,7 +13,7 @@ from crane_identification.estimation.instrumental import instrumental
 from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.physics import physics
-from crane_identification.estimation.prior import Prior
+from crane_identification.estimation.prior import Measure, Prior
 from crane_identification.estimation.regression import build_rows, common_factor, instruments
 from crane_identification.estimation.robust import robust
 from crane_identification.estimation.rows import Rows
@@ -115,6 +115,11 @@ def _estimate(
         raise ConfigurationError(
             f"estimator {options.estimator}: takes no prior; choose {Estimator.CONSISTENT} or "
             f"{Estimator.LEAST_SQUARES}"
+        )
+    if prior and prior.bodies is not None and options.estimator is not Estimator.CONSISTENT:
+        raise ConfigurationError(
+            f"estimator {options.estimator}: takes no prior by the log-det divergence; choose "
+            f"{Estimator.CONSISTENT}, or measure: {Measure.GAUSSIAN} in the prior's file"
         )
     match options.estimator:
         case Estimator.LEAST_SQUARES:

@@ -2,18 +2,23 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 from pydantic import model_validator
+from scipy.linalg import block_diag
 
+from crane_model.chain import pseudo_inertia
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 
 Three = tuple[float, float, float]
+THIN = 1e-9
+"""Ratio of second moments of a body below which it counts as a plate or a rod without thickness."""
 
 
 class KnownBody(Schema):
@@ -31,7 +36,7 @@ class KnownBody(Schema):
 
     @model_validator(mode="after")
     def _realizable(self) -> Self:
-        if np.linalg.eigvalsh(0.5 * np.trace(self.tensor) * np.eye(3) - self.tensor)[0] < 0.0:
+        if self.second_moments[0] < -THIN * self.second_moments[-1]:
             raise ValueError(
                 f"inertia {list(self.inertia)}, products {list(self.products)}: no distribution of "
                 "mass has these; the largest may not exceed the sum of the other two"
@@ -43,6 +48,14 @@ class KnownBody(Schema):
         """(3, 3) about the centre of mass."""
         (xx, yy, zz), (xy, xz, yz) = self.inertia, self.products
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    @property
+    def second_moments(self) -> np.ndarray:
+        """(3,) about the principal axes through the centre of mass, rising [kg m2]."""
+        moments: np.ndarray = np.linalg.eigvalsh(
+            0.5 * np.trace(self.tensor) * np.eye(3) - self.tensor
+        )
+        return moments
 
     def ten(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The ten parameters of `crane_model.chain` and their standard deviations, (10,) each.
@@ -67,19 +80,56 @@ class KnownParameter(Schema):
     std_dev: Positive
 
 
+class Measure(StrEnum):
+    """How the distance of a body from the known one is measured.
+
+    GAUSSIAN: each of the ten parameters has its standard deviation; bodies that cannot exist are as
+    likely as others. LOG_DET: the divergence of the pseudo-inertias (Lee, Wensing and Park 2019),
+    which is infinite for those, and the same in any frame.
+    """
+
+    GAUSSIAN = "gaussian"
+    LOG_DET = "log_det"
+
+
 class PriorFile(Schema):
     """What is known of single parameters, by name, and of the bodies of all joints."""
 
     parameters: dict[str, KnownParameter] = {}
     bodies: dict[str, KnownBody] = {}
+    measure: Measure = Measure.GAUSSIAN
+
+
+@dataclass(frozen=True)
+class KnownBodies:
+    """Bodies from which the log-det divergence counts.
+
+    `pseudo_inertia` (m, 4, 4) about the frames of their links. With `relative_std_dev` (m,) alone
+    vary, each by itself, the mass and the second moments along the principal axes through the
+    centre of mass; the centre by 0.71 times that part of a radius of gyration. Of the rows of the
+    prior, the last `rows` are the Gaussian of the same curvature.
+    """
+
+    pseudo_inertia: np.ndarray
+    relative_std_dev: np.ndarray
+    rows: int
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Independent rows `matrix` Θ = `values`, each with the standard deviation 1: (k, p), (k,)."""
+    """Independent rows `matrix` Θ = `values`, each with the standard deviation 1: (k, p), (k,).
+
+    Of `bodies` the divergence counts in the place of their rows; None: the rows themselves.
+    """
 
     matrix: np.ndarray
     values: np.ndarray
+    bodies: KnownBodies | None = None
+
+    @property
+    def wording(self) -> str:
+        """What kind of prior it is, in words."""
+        return "prior" if self.bodies is None else "log-det prior"
 
 
 def load_prior(path: Path | str, model: Model) -> Prior:
@@ -99,34 +149,68 @@ def load_prior(path: Path | str, model: Model) -> Prior:
         for name, known in content.parameters.items()
     ]
     matrices, values = [row for row, _ in rows], [value for _, value in rows]
+    known = None
     if content.bodies:
-        combined, means = _of_bodies(model, content.bodies, path)
+        combined, means, known = _of_bodies(model, content.bodies, content.measure, path)
         matrices += list(combined)
         values += list(means)
     if not matrices:
         raise ConfigurationError(f"{path}: neither parameters nor bodies are known; name some")
-    return Prior(np.array(matrices), np.array(values))
+    return Prior(np.array(matrices), np.array(values), known)
 
 
 def _of_bodies(
-    model: Model, bodies: Mapping[str, KnownBody], path: Path | str
-) -> tuple[np.ndarray, np.ndarray]:
+    model: Model, bodies: Mapping[str, KnownBody], measure: Measure, path: Path | str
+) -> tuple[np.ndarray, np.ndarray, KnownBodies | None]:
     machine = _machine(model, bodies, path)
-    known = [bodies[joint.name].ten(joint.after) for joint in machine.joints]
-    mean, spread = (np.concatenate(parts) for parts in zip(*known, strict=True))
+    listed = [bodies[joint.name] for joint in machine.joints]
+    ten = [body.ten(joint.after) for body, joint in zip(listed, machine.joints, strict=True)]
+    mean, spread = (np.concatenate(parts) for parts in zip(*ten, strict=True))
+    covariance, known = np.diag(spread**2), None
+    if measure is Measure.LOG_DET:
+        tensors = pseudo_inertia(mean.reshape(-1, 10))
+        if thin := [
+            joint.name
+            for joint, one in zip(machine.joints, listed, strict=True)
+            if one.second_moments[0] <= THIN * one.second_moments[-1]
+        ]:
+            raise ConfigurationError(
+                f"{path}: bodies: {', '.join(thin)}: measure {measure} needs bodies with an extent "
+                "in all directions; here the largest moment of inertia equals the sum of the other "
+                f"two; make it smaller, or choose measure {Measure.GAUSSIAN}"
+            )
+        deviations = np.array([body.relative_std_dev for body in listed])
+        covariance = block_diag(
+            *(d**2 * _inverse_curvature(P) for d, P in zip(deviations, tensors, strict=True))
+        )
     for term in model.terms:
         combination = term.of_bodies(model.setting)
         if combination is None:
             continue
-        covariance = (combination * spread**2) @ combination.T
-        whitening = np.linalg.inv(np.linalg.cholesky(covariance))
-        matrix = np.zeros((len(covariance), len(model.parameters)))
+        if measure is Measure.LOG_DET:
+            if term.has_base_parameters:
+                raise ConfigurationError(
+                    f"{path}: measure {measure}: term '{term.type}' has bodies in the plane; "
+                    f"choose the term 'serial_rigid_body', or measure {Measure.GAUSSIAN}"
+                )
+            known = KnownBodies(tensors, deviations, len(combination))
+        whitening = np.linalg.inv(np.linalg.cholesky(combination @ covariance @ combination.T))
+        matrix = np.zeros((len(combination), len(model.parameters)))
         matrix[:, model.part(term)] = whitening
-        return matrix, whitening @ combination @ mean
+        return matrix, whitening @ combination @ mean, known
     raise ConfigurationError(
         f"{path}: bodies: no term of model '{model.name}' is of the bodies of a machine; "
         "serial_rigid_body is"
     )
+
+
+def _inverse_curvature(P: np.ndarray) -> np.ndarray:
+    """(10, 10): inverse of the matrix of tr((P⁻¹ δP)²), as a form of the ten parameters of δP."""
+    steps = pseudo_inertia(np.eye(10))
+    scale = np.linalg.inv(np.linalg.cholesky(P))
+    whitened = (scale @ steps @ scale.T).reshape(10, -1)
+    inverse: np.ndarray = np.linalg.inv(whitened @ whitened.T)
+    return inverse
 
 
 def _machine(model: Model, bodies: Mapping[str, KnownBody], path: Path | str) -> Machine:

@@ -1,15 +1,21 @@
-"""A URDF as a machine file: its joints in order, and marks where it cannot say what is needed."""
+"""A URDF as a machine file: its joints in order, and marks where it cannot say what is needed.
+
+The inertials of its links become the bodies of a prior file for `identify`.
+"""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 from crane_model.array import Array
+from crane_model.chain import pseudo_inertia
 from crane_model.configuration import LARGEST_FILE
 from crane_model.errors import ConfigurationError
-from crane_model.frames import placement, roll_pitch_yaw
+from crane_model.frames import about, placement, roll_pitch_yaw
 
 MISSING = "MISSING"
 HEAD = """\
@@ -27,7 +33,52 @@ ACTUATOR = (
     "    actuator: {type: passive}   # MISSING: what drives it: triangle_cylinder, "
     "four_bar_cylinder,\n    # direct_cylinder, rack_and_pinion, rotary_motor, electric_drive\n"
 )
+PRIOR_HEAD = """\
+# From {source}: the bodies of its links in the frames of the machine file made with it, for
+# identify --prior. Enter as relative_std_dev how well you know each; measure: log_det or gaussian.
+"""
+TRUSTED = 0.3  # relative standard deviation of a body, until the user knows better
+UNLIMITED = 1e3
+"""Position [rad, m] from which on a limit is none: the URDF needed some number."""
+ROUNDED = 1e-9
+"""Share of the largest second moment by which rounding may make another negative; a body that has
+no more than this is flat."""
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+
+
+@dataclass(frozen=True)
+class ImpossibleBody:
+    """An inertial that no distribution of mass has.
+
+    `mass` [kg] and the `principal` moments of inertia (3,) about its centre [kg m2], rising.
+    """
+
+    link: str
+    mass: float
+    principal: Array
+
+    @property
+    def excess(self) -> float:
+        """How far the largest moment of inertia exceeds the sum of the other two [kg m2]."""
+        return float(self.principal[2] - self.principal[0] - self.principal[1])
+
+
+@dataclass(frozen=True)
+class LinkBody:
+    """All that a joint moves together: `ten` (10,) of `crane_model.chain` in the joint's frame.
+
+    Of `links`, those that have no body that can exist are `impossible`.
+    """
+
+    joint: str
+    links: tuple[str, ...]
+    ten: Array
+    impossible: tuple[ImpossibleBody, ...]
+
+    @property
+    def known(self) -> bool:
+        """Whether it has a mass, and all its links can exist."""
+        return self.ten[0] > 0.0 and not self.impossible
 
 
 def machine_file_from_urdf(path: Path, tip: str | None = None) -> tuple[str, int]:
@@ -37,6 +88,114 @@ def machine_file_from_urdf(path: Path, tip: str | None = None) -> tuple[str, int
     it, and of those to the farthest. `ConfigurationError` if it is no URDF, or has no such arm.
     """
     robot = _read(path)
+    way, tip = _arm(robot, tip, path)
+    root = _link(way[0], "parent", path)
+    name = robot.get("name") or path.stem
+    every = {joint.get("name", ""): joint for joint in robot.findall("joint")}
+    led = {one.get("name", ""): _led(one, every, path) for one in way if _moves(one)}
+    lines, held = ["joints:\n"], np.eye(4)
+    for joint in way:
+        held = held @ _placed(joint, path)
+        if _moves(joint):
+            lines.append(_entry(joint, held, led, path))
+            held = np.eye(4)
+    tool = "" if np.allclose(held, np.eye(4)) else f"tool: {_origin(held)}\n"
+    text = HEAD.format(source=path.name, root=root, tip=tip, name=_quoted(name), mark=MISSING)
+    text += "\n" + "".join(lines) + tool + FOOT.format(mark=MISSING)
+    return text, text.count(f"{MISSING}:")
+
+
+def bodies_from_urdf(path: Path, tip: str | None = None) -> tuple[LinkBody, ...]:
+    """What each joint of the arm moves, with all links that are fixed to it.
+
+    Joints and `tip` are those of `machine_file_from_urdf`; links behind other moving joints are
+    left out.
+    """
+    robot = _read(path)
+    way, _ = _arm(robot, tip, path)
+    links = {link.get("name", ""): link for link in robot.findall("link")}
+    fixed = [joint for joint in robot.findall("joint") if not _moves(joint)]
+    out = []
+    for joint in filter(_moves, way):
+        carried, ten, impossible = [(_link(joint, "child", path), np.eye(4))], np.zeros(10), []
+        for link, place in carried:  # it grows on the way
+            body = _inertial(links.get(link), place, path)
+            if isinstance(body, ImpossibleBody):
+                impossible.append(body)
+            else:
+                ten = ten + body
+            carried += [
+                (_link(one, "child", path), place @ _placed(one, path))
+                for one in fixed
+                if _link(one, "parent", path) == link
+            ]
+        names = tuple(link for link, _ in carried)
+        out.append(LinkBody(joint.get("name", ""), names, ten, tuple(impossible)))
+    return tuple(out)
+
+
+def prior_file(bodies: Sequence[LinkBody], source: str) -> str:
+    """Text of a prior file for `identify`, in which bodies that are not known are marked."""
+    lines, definite = [], True
+    for body in bodies:
+        if not body.known:
+            why = "no inertial" if not body.impossible else "an inertial that no body has"
+            lines.append(f"  # {MISSING}: {body.joint}: {', '.join(body.links)}: {why}\n")
+            continue
+        mass, centre = body.ten[0], body.ten[1:4] / body.ten[0]
+        xx, xy, yy, xz, yz, zz = body.ten[4:]
+        about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        inertia = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        second = _second_moments(mass, inertia)
+        definite &= bool(second[0] > ROUNDED * second[2])
+        lines.append(
+            f"  {body.joint}: {{mass: {mass:.6g}, centre_of_mass: {_list(centre)},\n"
+            f"    inertia: {_list(np.diag(inertia))}, products: "
+            f"{_list(inertia[[0, 0, 1], [1, 2, 2]])},\n    relative_std_dev: {TRUSTED}}}\n"
+        )
+    measure = "log_det" if definite else "gaussian"
+    return PRIOR_HEAD.format(source=source) + f"measure: {measure}\nbodies:\n" + "".join(lines)
+
+
+def _inertial(link: ET.Element | None, place: Array, path: Path) -> Array | ImpossibleBody:
+    """The ten parameters (10,) of a link that stands at `place`; zeros if it has no inertial."""
+    inertial = None if link is None else link.find("inertial")
+    if link is None or inertial is None:
+        return np.zeros(10)
+    name = link.get("name", "")
+    of, zero = f"{path}: link '{name}'", (0.0, 0.0, 0.0)
+    origin = inertial.find("origin")
+    placed = place @ placement(_triple(origin, "xyz", zero, of), _triple(origin, "rpy", zero, of))
+    mass, moments = inertial.find("mass"), inertial.find("inertia")
+    kilograms = 0.0 if mass is None else _number(mass, "value", 0.0, of)
+    xx, xy, xz, yy, yz, zz = (
+        0.0 if moments is None else _number(moments, key, 0.0, of)
+        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if kilograms == 0.0 and not tensor.any():
+        return np.zeros(10)
+    second = _second_moments(kilograms, tensor)
+    if not (kilograms > 0.0 and second[0] >= -ROUNDED * second[2]):
+        return ImpossibleBody(name, kilograms, np.linalg.eigvalsh(tensor))
+    turn = placed[:3, :3]
+    return _ten(kilograms, placed[:3, 3], turn @ tensor @ turn.T)
+
+
+def _second_moments(mass: float, inertia: Array) -> Array:
+    """(3,) along the principal axes through the centre of mass, rising [kg m2]."""
+    moments: Array = np.linalg.eigvalsh(pseudo_inertia(_ten(mass, np.zeros(3), inertia))[:3, :3])
+    return moments
+
+
+def _ten(mass: float, centre: Array, inertia: Array) -> Array:
+    """(10,) of a body with this inertia (3, 3) about its centre of mass (3,)."""
+    origin = inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    return np.array([mass, *(mass * centre), *origin[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+
+
+def _arm(robot: ET.Element, tip: str | None, path: Path) -> tuple[list[ET.Element], str]:
+    """The joints from the root to the tip, and the tip."""
     joints = {_link(joint, "child", path): joint for joint in robot.findall("joint")}
     links = [link.get("name", "") for link in robot.findall("link")]
     ways = {link: _way(joints, link, path) for link in links}
@@ -47,52 +206,71 @@ def machine_file_from_urdf(path: Path, tip: str | None = None) -> tuple[str, int
         raise ConfigurationError(
             f"{path}: no joint moves link '{tip}'; name one of {', '.join(able) or 'none'} by --tip"
         )
-    root = _link(ways[tip][0], "parent", path)
-    name = robot.get("name") or path.stem
-    lines, held = ["joints:\n"], np.eye(4)
-    for joint in ways[tip]:
-        held = held @ _placed(joint, path)
-        if _moves(joint):
-            lines.append(_entry(joint, held, path))
-            held = np.eye(4)
-    tool = "" if np.allclose(held, np.eye(4)) else f"tool: {_origin(held)}\n"
-    text = HEAD.format(source=path.name, root=root, tip=tip, name=_quoted(name), mark=MISSING)
-    text += "\n" + "".join(lines) + tool + FOOT.format(mark=MISSING)
-    return text, text.count(f"{MISSING}:")
+    return ways[tip], tip
 
 
-def _entry(joint: ET.Element, place: Array, path: Path) -> str:
+def _led(
+    joint: ET.Element, every: Mapping[str, ET.Element], path: Path
+) -> tuple[str, float, float]:
+    """Which joint leads this one, itself if none, with ratio and offset, through all mimics."""
+    leader, ratio, offset = joint.get("name", ""), 1.0, 0.0
+    passed = {leader}
+    while leader in every and (mimic := every[leader].find("mimic")) is not None:
+        of = f"{path}: joint '{leader}'"
+        offset += ratio * _number(mimic, "offset", 0.0, of)
+        ratio *= _number(mimic, "multiplier", 1.0, of)
+        leader = mimic.get("joint", "")
+        if leader in passed:
+            raise ConfigurationError(f"{of}: mimics itself, through '{leader}'; correct <mimic>")
+        passed.add(leader)
+    return leader, ratio, offset
+
+
+def _entry(
+    joint: ET.Element, place: Array, led: Mapping[str, tuple[str, float, float]], path: Path
+) -> str:
     """A joint of the list."""
-    name, kind = joint.get("name", ""), joint.get("type", "")
-    if not name.isidentifier():
+    name, kind = joint.get("name", ""), KINDS[joint.get("type", "")]
+    if not (name.isidentifier() and name[0].isalpha()):
         raise ConfigurationError(
-            f"{path}: joint '{name}': a machine file needs names of letters, digits and _"
+            f"{path}: joint '{name}': a machine file needs names of letters, digits and _, "
+            "a letter first"
         )
-    axis = _triple(joint.find("axis"), "xyz", (1.0, 0.0, 0.0), f"{path}: joint '{name}'")
-    text = f"  - name: {name}\n    kind: {KINDS[kind]}\n    origin: {_origin(place)}\n"
-    text += f"    axis: {_list(np.array(axis))}\n"
-    mimic = joint.find("mimic")
-    if mimic is not None:
-        if _number(mimic, "offset", 0.0, path):
-            raise ConfigurationError(f"{path}: joint '{name}': a mimic with an offset; shift it")
-        ratio = _number(mimic, "multiplier", 1.0, path)
-        return text + f"    follows: {{joint: {mimic.get('joint')}, ratio: {ratio!r}}}\n"
-    return text + _limits(joint, path) + ACTUATOR
+    axis = np.array(_triple(joint.find("axis"), "xyz", (1.0, 0.0, 0.0), f"{path}: joint '{name}'"))
+    leader, ratio, offset = led[name]
+    follows = leader != name and leader in led
+    if follows and offset:
+        shifted, direction = np.eye(4), axis / np.linalg.norm(axis)
+        if kind == "revolute":
+            shifted[:3, :3] = about(direction, np.array([offset]))[0]
+        else:
+            shifted[:3, 3] = offset * direction
+        place = place @ shifted
+    text = f"  - name: {name}\n    kind: {kind}\n    origin: {_origin(place)}\n"
+    text += f"    axis: {_list(axis)}\n"
+    if follows:
+        return text + f"    follows: {{joint: {leader}, ratio: {ratio!r}}}\n"
+    marks = [] if leader == name else [f"its leader '{leader}', which is not on this arm"]
+    return text + _limits(joint, marks, path) + ACTUATOR
 
 
-def _limits(joint: ET.Element, path: Path) -> str:
-    limit = joint.find("limit")
-    marks = []
-    low, high = (
-        (-np.pi, np.pi)
-        if limit is None
-        else (_number(limit, "lower", 0.0, path), _number(limit, "upper", 0.0, path))
-    )
-    if not low < high:
-        low, high = -np.pi, np.pi
-    if limit is None or joint.get("type") == "continuous" or (low, high) == (-np.pi, np.pi):
+def _limits(joint: ET.Element, marks: list[str], path: Path) -> str:
+    limit, turns = joint.find("limit"), KINDS[joint.get("type", "")] == "revolute"
+    of = f"{path}: joint '{joint.get('name')}'"
+    low = high = speed = 0.0
+    if limit is not None:
+        low, high = _number(limit, "lower", 0.0, of), _number(limit, "upper", 0.0, of)
+        speed = _number(limit, "velocity", 0.0, of)
+    if low > high:
+        marks.append(
+            f"range of positions, whose limits are swapped (lower {low:g}, upper {high:g})"
+        )
+        low, high = high, low
+    given = joint.get("type") != "continuous" and -UNLIMITED < low < high < UNLIMITED
+    if not given:
+        low, high = (-np.pi, np.pi) if turns else (0.0, 1.0)
+    if not given or (low, high) == (-np.pi, np.pi):
         marks.append("range of positions")
-    speed = 0.0 if limit is None else _number(limit, "velocity", 0.0, path)
     if not 0.0 < speed < np.inf:
         speed = 1.0
         marks.append("largest velocities")
@@ -112,13 +290,30 @@ def _read(path: Path) -> ET.Element:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: cannot be read: {error}") from None
     except ET.ParseError as error:
+        if "<xacro:" in text:
+            raise _not_expanded(path) from None
         raise ConfigurationError(f"{path}: not valid XML: {error}") from None
+    read = [
+        one for kind in ("link", "joint") for each in robot.findall(kind) for one in each.iter()
+    ]
+    if any("xacro}" in one.tag for one in robot.iter() if isinstance(one.tag, str)) or any(
+        "${" in value or "$(" in value for one in (robot, *read) for value in one.attrib.values()
+    ):
+        raise _not_expanded(path)
     if robot.tag != "robot":
         raise ConfigurationError(
             f"{path}: no URDF: its root is <{robot.tag}>, not <robot>; a .xacro must be expanded "
             "first (xacro arm.urdf.xacro > arm.urdf)"
         )
     return robot
+
+
+def _not_expanded(path: Path) -> ConfigurationError:
+    plain = path.name.removesuffix(".xacro").removesuffix(".urdf")
+    out = path.with_name(f"{plain}.urdf" if path.suffix == ".xacro" else f"{plain}_expanded.urdf")
+    return ConfigurationError(
+        f"{path}: xacro that is not expanded, which is no URDF yet; run: xacro {path} > {out}"
+    )
 
 
 def _way(joints: dict[str, ET.Element], link: str, path: Path) -> list[ET.Element]:
@@ -169,12 +364,12 @@ def _triple(
     return x, y, z
 
 
-def _number(element: ET.Element, key: str, default: float, path: Path) -> float:
+def _number(element: ET.Element, key: str, default: float, of: str) -> float:
     try:
         return float(element.get(key, default))
     except ValueError:
         raise ConfigurationError(
-            f"{path}: <{element.tag}>: {key} must be a number, got '{element.get(key)}'"
+            f"{of}: <{element.tag}>: {key} must be a number, got '{element.get(key)}'"
         ) from None
 
 

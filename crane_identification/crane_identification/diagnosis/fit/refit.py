@@ -43,7 +43,8 @@ def refit(evidence: Evidence, sources: str, held: tuple[str, ...] = ()) -> Model
     """
     model, rows = evidence.model, _rows(evidence)
     prior = _no_more_than_measured(rows, held) if held else None
-    estimate = consistent(rows, physics(model), prior=prior)
+    # Bodies in space would be fitted to what an incomplete model lacks, up to where they can exist.
+    estimate = consistent(rows, physics(model, bodies_in_space=False), prior=prior)
     if estimate.undetermined:
         if lost := _alike(rows, estimate.undetermined):
             raise UndeterminedError(model, (*held, *lost))

@@ -11,7 +11,13 @@ __getattr__, __dir__, __all__ = lazily(
     {
         "serial_chain": ["SerialChain"],
         "pose": ["body_frames", "tip_jacobians", "tip_positions"],
-        "ten_parameters": ["PER_BODY", "fill_regressor", "regressor"],
+        "ten_parameters": [
+            "PER_BODY",
+            "TEN_FROM_PSEUDO_INERTIA",
+            "fill_regressor",
+            "pseudo_inertia",
+            "regressor",
+        ],
         "slopes": ["pull_back"],
         "dynamics": [
             "coriolis_forces",

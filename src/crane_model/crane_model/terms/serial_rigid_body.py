@@ -6,6 +6,7 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.base_parameters import lagrangian_from_standard, standard_from_chain
@@ -38,6 +39,11 @@ class SerialRigidBody(Term):
     of_one_instant: ClassVar[bool] = True
 
     zero: tuple[str, ...] = ()
+
+    @property
+    @override
+    def zero_moments(self) -> tuple[str, ...]:
+        return self.zero
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """One a combination."""

@@ -152,6 +152,11 @@ class Term(Schema, ABC):
         """
         return None
 
+    @property
+    def zero_moments(self) -> tuple[str, ...]:
+        """Which of the ten parameters of single bodies it takes to be zero, as mx.telescope."""
+        return ()
+
     def motion_columns(self, setting: Setting) -> tuple[MotionColumn, ...]:
         """Its columns, where all are proportional to what single joints do; else none."""
         return ()
