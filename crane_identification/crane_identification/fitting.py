@@ -14,6 +14,7 @@ from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.physics import physics
 from crane_identification.estimation.prior import Prior
+from crane_identification.estimation.prior_check import PriorConflict, check_prior
 from crane_identification.estimation.regression import build_rows, common_factor, instruments
 from crane_identification.estimation.robust import robust
 from crane_identification.estimation.rows import Rows
@@ -32,8 +33,9 @@ class FitResult:
     """The `model` with its values, the `estimate` behind them, and the data of both.
 
     `rows` are the equations that were solved, `decimation` the factor of the parallel filter.
-    `lack_of_fit` says whether their residual is more than noise. `prior` counted beside them. Of
-    the recordings `standing` nothing was used: no joint of the model moves in them.
+    `lack_of_fit` says whether their residual is more than noise. `prior` counted beside them, and
+    `conflict` says which of its entries they contradict. Of the recordings `standing` nothing was
+    used: no joint of the model moves in them.
     """
 
     model: Model
@@ -44,6 +46,7 @@ class FitResult:
     lack_of_fit: LackOfFit
     prior: Prior | None = None
     standing: tuple[str, ...] = ()
+    conflict: PriorConflict | None = None
 
 
 def fit(
@@ -100,7 +103,10 @@ def fit(
     provenance = f"{estimate.method}, {estimate.samples} rows of {sources}"
     fitted = model.with_estimate(estimate.values, estimate.std_devs, provenance)
     left = lack_of_fit(rows, estimate.values)
-    return FitResult(fitted, estimate, rows, tuple(preparations), factor, left, prior, standing)
+    conflict = check_prior(rows, prior, options.covariance) if prior else None
+    return FitResult(
+        fitted, estimate, rows, tuple(preparations), factor, left, prior, standing, conflict
+    )
 
 
 def _estimate(

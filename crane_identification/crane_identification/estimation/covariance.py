@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg import helmert, matmul_toeplitz
 
 from crane_identification.estimation.autoregression import Autoregression, restricted_likelihood
-from crane_identification.estimation.lack_of_fit import LackOfFit
+from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
 from crane_identification.estimation.rows import Rows
 from crane_identification.options import Covariance
 from crane_model.base_parameters import reveal_rank
@@ -21,6 +21,17 @@ def white(residual: np.ndarray, bread: np.ndarray, assumption: Covariance) -> np
     if assumption is Covariance.SAMPLE:
         return bread * np.var(residual, ddof=1)
     return bread * (residual @ residual) / (len(residual) - len(bread))
+
+
+def meat(rows: Rows, weights: np.ndarray, values: np.ndarray, assumption: Covariance) -> np.ndarray:
+    """Σ ΦᵀW Γ WΦ (p, p), with Γ the autocovariance of the noise that `assumption` gives."""
+    unit = np.eye(len(values))
+    spread = np.broadcast_to(weights, rows.force.shape)
+    residual = spread * rows.residual(values)
+    if assumption is Covariance.CORRELATED:
+        return correlated(rows, spread, residual, unit, lack_of_fit(rows, values))
+    columns = rows.stacked * spread[rows.used][:, None]
+    return columns.T @ columns * white(residual[rows.used], unit, assumption)[0, 0]
 
 
 def correlated(

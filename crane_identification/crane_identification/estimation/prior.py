@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import model_validator
+from scipy.linalg import orth
 
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError
@@ -74,12 +75,28 @@ class PriorFile(Schema):
     bodies: dict[str, KnownBody] = {}
 
 
+class PriorEntry(NamedTuple):
+    """One parameter or body of a prior file.
+
+    `name` as in the file, `known` its value in words (empty for a body), `span` (k, r): orthonormal
+    directions, among the k rows of the prior, that the entry takes part in.
+    """
+
+    name: str
+    known: str
+    span: np.ndarray
+
+
 @dataclass(frozen=True)
 class Prior:
-    """Independent rows `matrix` Θ = `values`, each with the standard deviation 1: (k, p), (k,)."""
+    """Independent rows `matrix` Θ = `values`, each with the standard deviation 1: (k, p), (k,).
+
+    `entries` are the lines of the file that the rows come from.
+    """
 
     matrix: np.ndarray
     values: np.ndarray
+    entries: tuple[PriorEntry, ...] = ()
 
 
 def load_prior(path: Path | str, model: Model) -> Prior:
@@ -99,18 +116,30 @@ def load_prior(path: Path | str, model: Model) -> Prior:
         for name, known in content.parameters.items()
     ]
     matrices, values = [row for row, _ in rows], [value for _, value in rows]
+    parts: dict[str, np.ndarray] = {}
     if content.bodies:
-        combined, means = _of_bodies(model, content.bodies, path)
+        combined, means, parts = _of_bodies(model, content.bodies, path)
         matrices += list(combined)
         values += list(means)
     if not matrices:
         raise ConfigurationError(f"{path}: neither parameters nor bodies are known; name some")
-    return Prior(np.array(matrices), np.array(values))
+    unit, singles = np.eye(len(matrices)), len(content.parameters)
+    units = {parameter.name: parameter.unit for parameter in model.parameters}
+    entries = [
+        PriorEntry(name, f"{known.value:g} ± {known.std_dev:g} {units[name]}", unit[:, [i]])
+        for i, (name, known) in enumerate(content.parameters.items())
+    ]
+    entries += [
+        PriorEntry(f"body {name}", "", unit[:, singles:] @ orth(part))
+        for name, part in parts.items()
+    ]
+    return Prior(np.array(matrices), np.array(values), tuple(entries))
 
 
 def _of_bodies(
     model: Model, bodies: Mapping[str, KnownBody], path: Path | str
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Whitened rows (r, p), their values (r,), and what of them (r, 10) is of each body."""
     machine = _machine(model, bodies, path)
     known = [bodies[joint.name].ten(joint.after) for joint in machine.joints]
     mean, spread = (np.concatenate(parts) for parts in zip(*known, strict=True))
@@ -122,7 +151,9 @@ def _of_bodies(
         whitening = np.linalg.inv(np.linalg.cholesky(covariance))
         matrix = np.zeros((len(covariance), len(model.parameters)))
         matrix[:, model.part(term)] = whitening
-        return matrix, whitening @ combination @ mean
+        shares = np.split(whitening @ combination * spread, len(machine.joints), axis=1)
+        parts = {joint.name: part for joint, part in zip(machine.joints, shares, strict=True)}
+        return matrix, whitening @ combination @ mean, parts
     raise ConfigurationError(
         f"{path}: bodies: no term of model '{model.name}' is of the bodies of a machine; "
         "serial_rigid_body is"
