@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crane_identification.estimation.covariance import correlated, white
+from crane_identification.estimation.covariance import correlated, noise_of_joints, white
 from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.lack_of_fit import lack_of_fit
 from crane_identification.estimation.prior import Prior
@@ -39,7 +39,7 @@ def fit(rows: Rows, weights: np.ndarray, covariance: Covariance, prior: Prior | 
     """Θ and its covariance for given weights, (j,) or (n, j), and a prior."""
     weights = np.broadcast_to(weights, rows.force.shape)
     values, determined, bread, _ = solve_weighted(rows, weights)
-    spread = _spread(rows, weights, values, bread, covariance)
+    spread = spread_of(rows, weights, values, bread, covariance)
     if prior is None:
         return Fit(values, spread, determined & _seen(rows, np.sqrt(np.diag(spread))))
     scaling = weights[rows.used]
@@ -52,18 +52,19 @@ def fit(rows: Rows, weights: np.ndarray, covariance: Covariance, prior: Prior | 
         np.vstack([matrix, beforehand[0]]), np.concatenate([force, beforehand[1]])
     )
     carried = bread @ beforehand[0].T
-    spread = _spread(rows, weights, values, bread, covariance) + excess * carried @ carried.T
+    spread = spread_of(rows, weights, values, bread, covariance) + excess * carried @ carried.T
     seen = determined & _seen(rows, np.sqrt(np.diag(spread)))
     return Fit(values, spread, seen, beforehand)
 
 
-def _spread(
+def spread_of(
     rows: Rows, weights: np.ndarray, values: np.ndarray, bread: np.ndarray, covariance: Covariance
 ) -> np.ndarray:
     """(p, p) that the noise of the rows gives to the solution with this `bread`."""
     residual = weights * rows.residual(values)
     if covariance is Covariance.CORRELATED:
-        return correlated(rows, weights, residual, bread, lack_of_fit(rows, values))
+        joints = noise_of_joints(rows, weights, residual, lack_of_fit(rows, values))
+        return correlated(joints, bread)
     return white(residual[rows.used], bread, covariance)
 
 

@@ -7,6 +7,7 @@ from scipy.linalg import orth
 from scipy.stats import chi2
 
 from crane_identification.estimation.covariance import meat
+from crane_identification.estimation.least_squares import spread_of
 from crane_identification.estimation.prior import Prior
 from crane_identification.estimation.rows import Rows, balancing, solve, solve_weighted
 from crane_identification.options import Covariance
@@ -119,7 +120,8 @@ class _PriorCheck:
         self._noise = meat(rows, weights, alone.values, covariance)
         # Noise that is correlated from row to row makes rows count for fewer than they are.
         rank = np.count_nonzero(np.diag(alone.bread))
-        self._excess = float(np.trace(alone.bread @ self._noise)) / rank
+        spread = spread_of(rows, weights, alone.values, alone.bread, covariance)
+        self._excess = float(np.trace(spread @ (self._matrix.T @ self._matrix))) / rank
 
     def changes(self, left_out: set[int]) -> tuple[Change, ...]:
         """Parameters that move if these entries are left out, the largest change first."""
