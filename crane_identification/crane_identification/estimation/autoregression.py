@@ -63,23 +63,25 @@ def restricted_likelihood(
     return min(models, key=lambda one: one.schwarz).noise if models else None
 
 
-def cautious_autocovariance(
-    columns: np.ndarray, force: np.ndarray, used: np.ndarray, lags: int
-) -> np.ndarray | None:
-    """Autocovariance (lags,) of noise in the same regression, never smaller by chance.
+def autocovariances(
+    columns: np.ndarray, force: np.ndarray, used: np.ndarray, lags: int, power: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Autocovariances (lags,) of the noise in the same regression: most probable, and cautious.
 
     Few rows do not show which model is true, and the most probable one may put little power just
-    where the columns have theirs. So the spectra of all orders are averaged by their probability
-    (Schwarz), order 1 over all its coefficients, and no frequency has less power than white noise
-    as strong as the residual.
+    where the columns have theirs. The cautious one never becomes smaller by chance: the spectra of
+    all orders are averaged by their probability (Schwarz), order 1 over all its coefficients, and
+    no frequency has less power than white noise as strong as the residual. If the columns explain
+    all of the force, both are white noise of this `power`.
     """
     models = _models(columns, force, used, UNFILTERED)
     if not models:
-        return None
+        white = np.where(np.arange(lags) == 0, power, 0.0)
+        return white, white
     points = _points(lags)
     spectra = [one.noise.spectrum(points) for one in models]
     criteria = [one.schwarz for one in models]
-    white = spectra[0]
+    likely, least = spectra[int(np.argmin(criteria))], spectra[0]
     if (likelihood := models[0].likelihood) is not None:
         first = _Likelihood(likelihood.values, used, 1, UNFILTERED)
         searched = np.arctanh(REFLECTIONS / LARGEST_REFLECTION)[:, np.newaxis]
@@ -87,8 +89,9 @@ def cautious_autocovariance(
         of_coefficient = [first.noise(one).spectrum(points) for one in searched]
         averaged = _shares(costs) @ np.array(of_coefficient)
         spectra[1:2], criteria[1:2] = [averaged], [float(costs.min() + np.log(first.free))]
-    mean = _shares(np.array(criteria)) @ np.array(spectra)
-    return np.fft.irfft(np.maximum(mean, white), points)[:lags]
+    cautious = np.maximum(_shares(np.array(criteria)) @ np.array(spectra), least)
+    first_lags = (np.fft.irfft(one, points)[:lags] for one in (likely, cautious))
+    return tuple(first_lags)
 
 
 def _shares(costs: np.ndarray) -> np.ndarray:

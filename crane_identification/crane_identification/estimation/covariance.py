@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from crane_identification.estimation.autoregression import (
     Autoregression,
-    cautious_autocovariance,
+    autocovariances,
     restricted_likelihood,
 )
 from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
@@ -38,10 +38,12 @@ class NoiseOfJoint(NamedTuple):
     """What the noise of one joint does to the estimate.
 
     `meat` (p, p) is ΦᵀW Γ WΦ of its rows, Γ the autocovariance of the noise, and `freedom` the
-    independent samples that Γ is known from.
+    independent samples that Γ is known from. `likely` (p, p) is the same by the most probable model
+    of the noise, without caution.
     """
 
     meat: np.ndarray
+    likely: np.ndarray
     freedom: float
 
 
@@ -99,23 +101,30 @@ def noise_of_joints(
         columns, force = rows.matrix[:, j] * weight[:, None], rows.force[:, j] * weight
         noise = _shown_by_scatter(rows, weight, left, j)
         if noise is not None:
-            covariance = noise.autocovariance(lags)
+            covariance = likely = noise.autocovariance(lags)
             freedom = float(left.freedom[j] + left.noise_freedom[j])
         else:
             own = list(reveal_rank(columns[used]).independent)
-            known = cautious_autocovariance(
-                _by_run(columns[:, own], runs), _by_run(force, runs), _by_run(used, runs), lags
-            )
+            regression = _by_run(columns[:, own], runs), _by_run(force, runs), _by_run(used, runs)
             power = float((residual[used, j] ** 2).mean())
-            if known is None:
-                known = np.where(np.arange(lags) == 0, power, 0.0)
-            covariance = known * max(1.0, power / known[0]) if known[0] > 0.0 else known
+            likely, covariance = (
+                known * max(1.0, power / known[0]) if known[0] > 0.0 else known
+                for known in autocovariances(*regression, lags, power)
+            )
             free = 1.0 - len(own) / int(used.sum())
             freedom = free * _independent(covariance, [int(used[run].sum()) for run in runs])
-        total = np.zeros((columns.shape[1], columns.shape[1]))
-        for run in runs:
-            total += columns[run].T @ matmul_toeplitz(covariance[: len(run)], columns[run])
-        found.append(NoiseOfJoint(total, max(freedom, 1.0)))
+        found.append(
+            NoiseOfJoint(
+                *(
+                    sum(
+                        columns[run].T @ matmul_toeplitz(one[: len(run)], columns[run])
+                        for run in runs
+                    )
+                    for one in (covariance, likely)
+                ),
+                max(freedom, 1.0),
+            )
+        )
     return found
 
 

@@ -121,7 +121,7 @@ class _PriorCheck:
         # Noise that is correlated from row to row makes rows count for fewer than they are.
         rank = np.count_nonzero(np.diag(alone.bread))
         spread = spread_of(rows, weights, alone.values, alone.bread, covariance)
-        self._excess = float(np.trace(spread @ (self._matrix.T @ self._matrix))) / rank
+        self._excess = float(np.trace(spread.likely @ (self._matrix.T @ self._matrix))) / rank
 
     def changes(self, left_out: set[int]) -> tuple[Change, ...]:
         """Parameters that move if these entries are left out, the largest change first."""
