@@ -379,8 +379,8 @@ joints:
 """
 
 
-def turntable(folder: Path, *terms: str) -> Model:
-    (folder / "machine.yaml").write_text(TURNTABLE)
+def turntable(folder: Path, *terms: str, more: str = "") -> Model:
+    (folder / "machine.yaml").write_text(TURNTABLE + more)
     path = folder / "model.yaml"
     lines = ["name: arm", "machine: machine.yaml", "joints: {base: rad, arm: rad}", "terms:"]
     path.write_text("\n".join([*lines, *(f"  - {{{term}}}" for term in terms)]))
@@ -420,3 +420,35 @@ def test_poor_excitation_is_told_from_redundancy(tmp_path: Path) -> None:
     assert redundancies(model) == ()
     with pytest.raises(DataError, match="these recordings show only combinations .* arm moves at"):
         fit(model, [turntable_log(model, still="arm")], Options(average=False))
+
+
+COUPLING = """
+couplings:
+  - {joints: [base, arm], matrix: [[1, 0], [1, 1]]}
+"""
+
+
+def test_friction_of_a_motor_that_two_joints_turn(tmp_path: Path) -> None:
+    """In YAML alone; beside the friction of the joints, and where the motor turns back."""
+    frictions = [
+        f"type: {kind}, joint: {joint}"
+        for kind in ("viscous", "coulomb")
+        for joint in ("base", "arm")
+    ]
+    motors = ("type: motor_viscous, joint: arm", "type: motor_coulomb, joint: arm")
+    model = turntable(tmp_path, "type: serial_rigid_body", *frictions, *motors, more=COUPLING)
+    log = turntable_log(model)
+    true = np.random.default_rng(5).uniform(1.0, 2.0, len(model.parameters))
+    estimate = fit(model, [log], Options(average=False)).estimate
+    assert estimate.names[-2:] == ("f_v_motor.arm", "f_c_motor.arm")
+    assert (np.abs(estimate.values - true) < 3.5 * estimate.std_devs).all()
+    assert (estimate.std_devs[-2:] < 0.1).all()
+    (prepared,) = prepare(model, log, Options(average=False))
+    v = prepared.record.velocity
+    motor = np.abs(v.sum(axis=1))
+    assert motor[prepared.moving.all(axis=1)].min() > 0.01 * motor.max()
+
+
+def test_friction_of_a_motor_needs_its_coupling(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="'arm' is in no coupling of the machine"):
+        turntable(tmp_path, "type: motor_coulomb, joint: arm")
