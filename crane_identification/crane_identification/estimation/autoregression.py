@@ -90,8 +90,7 @@ def autocovariances(
         averaged = _shares(costs) @ np.array(of_coefficient)
         spectra[1:2], criteria[1:2] = [averaged], [float(costs.min() + np.log(first.free))]
     cautious = np.maximum(_shares(np.array(criteria)) @ np.array(spectra), least)
-    first_lags = (np.fft.irfft(one, points)[:lags] for one in (likely, cautious))
-    return tuple(first_lags)
+    return np.fft.irfft(likely, points)[:lags], np.fft.irfft(cautious, points)[:lags]
 
 
 def _shares(costs: np.ndarray) -> np.ndarray:

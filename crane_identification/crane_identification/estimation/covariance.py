@@ -113,18 +113,13 @@ def noise_of_joints(
             )
             free = 1.0 - len(own) / int(used.sum())
             freedom = free * _independent(covariance, [int(used[run].sum()) for run in runs])
-        found.append(
-            NoiseOfJoint(
-                *(
-                    sum(
-                        columns[run].T @ matmul_toeplitz(one[: len(run)], columns[run])
-                        for run in runs
-                    )
-                    for one in (covariance, likely)
-                ),
-                max(freedom, 1.0),
+        cautious, probable = (
+            np.sum(
+                [columns[r].T @ matmul_toeplitz(one[: len(r)], columns[r]) for r in runs], axis=0
             )
+            for one in (covariance, likely)
         )
+        found.append(NoiseOfJoint(cautious, probable, max(freedom, 1.0)))
     return found
 
 

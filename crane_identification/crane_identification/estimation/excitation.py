@@ -66,7 +66,7 @@ def redundancies(model: Model) -> tuple[Redundancy, ...]:
         high = np.array([one.position_max for one in limits])
     position = rng.uniform(low, high, (STATES, joints))
     record = Record(
-        model.joints, np.arange(STATES), position, *rng.normal(size=(2, *position.shape))
+        model.joints, np.arange(float(STATES)), position, *rng.normal(size=(2, *position.shape))
     )
     names: list[str] = []
     parts = []

@@ -88,4 +88,5 @@ def _seen(rows: Rows, covariance: np.ndarray) -> np.ndarray:
     std_devs = np.sqrt(np.diag(covariance))
     columns = np.stack([rows.rms(rows.matrix[:, :, k]) for k in range(len(rows.names))])
     force = rows.rms(rows.force)
-    return ~((columns * std_devs[:, None] > UNSEEN * force) & (columns > 0.0)).any(axis=1)
+    hidden = (columns * std_devs[:, None] > UNSEEN * force) & (columns > 0.0)
+    return np.asarray(~hidden.any(axis=1))

@@ -115,7 +115,7 @@ class _PriorCheck:
         weights = np.broadcast_to(balancing(rows), rows.force.shape)
         alone = solve_weighted(rows, weights)
         augmented = np.column_stack([rows.stacked, rows.force[rows.used]])
-        triangle = np.linalg.qr(augmented * weights[rows.used][:, None], mode="r")
+        triangle = np.asarray(np.linalg.qr(augmented * weights[rows.used][:, None], mode="r"))
         self._matrix, self._force = triangle[:, :-1], triangle[:, -1]
         self._noise = meat(rows, weights, alone.values, covariance)
         # Noise that is correlated from row to row makes rows count for fewer than they are.
