@@ -1,4 +1,4 @@
-"""Why recordings do not determine a parameter: what the joint that it acts on did not do."""
+"""Why recordings do not determine a parameter: no motion could, or its joint did too little."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.rows import CONTAINED, Rows
 from crane_identification.notation import listed, plain
 from crane_identification.preparation.run import Preparation
 from crane_model.base_parameters import reveal_rank
@@ -24,12 +24,8 @@ NARROW = 0.1
 """Share of a joint's range (Table 2) below which it counts as hardly moved."""
 ACTS = 0.1
 """A parameter acts on the joints whose force it changes by this share of its largest effect."""
-
-
 STATES = 200
 """Random states that show which columns depend on each other in any motion."""
-PART_OF_COMBINATION = 1e-6
-"""Share of a column's norm above which another one is part of it."""
 
 _ALIKE_AT_ONE_SPEED = (
     (MotionQuantity.DIRECTION, MotionQuantity.VELOCITY),
@@ -85,7 +81,7 @@ def redundancies(model: Model) -> tuple[Redundancy, ...]:
     norms = np.linalg.norm(columns, axis=0)
     kept, dropped = list(basis.independent), list(basis.dependent)
     shares = np.abs(basis.combination) * norms[kept][:, None]
-    linked = shares > PART_OF_COMBINATION * norms[dropped]
+    linked = shares > CONTAINED * norms[dropped]
     count, together = connected_components(
         np.block([[np.eye(len(kept)), linked], [linked.T, np.eye(len(dropped))]]), directed=False
     )
