@@ -8,12 +8,18 @@ import numpy as np
 from crane_identification.data.log import Log
 from crane_identification.estimation.consistent import consistent
 from crane_identification.estimation.estimate import Estimate
-from crane_identification.estimation.excitation import too_little
+from crane_identification.estimation.excitation import (
+    at_one_speed,
+    products_of,
+    too_little,
+    undetermined_in_words,
+)
 from crane_identification.estimation.instrumental import instrumental
 from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.physics import physics
 from crane_identification.estimation.prior import Measure, Prior
+from crane_identification.estimation.prior_check import PriorConflict, check_prior
 from crane_identification.estimation.regression import build_rows, common_factor, instruments
 from crane_identification.estimation.robust import robust
 from crane_identification.estimation.rows import Rows
@@ -32,8 +38,9 @@ class FitResult:
     """The `model` with its values, the `estimate` behind them, and the data of both.
 
     `rows` are the equations that were solved, `decimation` the factor of the parallel filter.
-    `lack_of_fit` says whether their residual is more than noise. `prior` counted beside them. Of
-    the recordings `standing` nothing was used: no joint of the model moves in them.
+    `lack_of_fit` says whether their residual is more than noise. `prior` counted beside them, and
+    `conflict` says which of its entries they contradict. Of the recordings `standing` nothing was
+    used: no joint of the model moves in them.
     """
 
     model: Model
@@ -44,6 +51,7 @@ class FitResult:
     lack_of_fit: LackOfFit
     prior: Prior | None = None
     standing: tuple[str, ...] = ()
+    conflict: PriorConflict | None = None
 
 
 def fit(
@@ -88,19 +96,32 @@ def fit(
     rows = Rows.stack([build_rows(model, p, factor) for p in preparations])
     estimate = _estimate(model, rows, preparations, factor, options, prior)
     progress("fit", 1.0)
-    if estimate.undetermined:
+    if unknown := _undetermined(model, rows, estimate, prior):
         raise DataError(
-            f"model '{model.name}': {', '.join(estimate.undetermined)}: these recordings show only "
-            f"combinations of these parameters: "
-            f"{'; '.join(too_little(model, rows, preparations, estimate.undetermined))}. Excite "
-            f"the joints more (both directions, several speeds, the whole range) or take terms "
-            f"out of the model"
+            undetermined_in_words(
+                model, unknown, lambda names: too_little(model, rows, preparations, names)
+            )
         )
     sources = ", ".join(dict.fromkeys(p.source for p in preparations))
     provenance = f"{estimate.method}, {estimate.samples} rows of {sources}"
     fitted = model.with_estimate(estimate.values, estimate.std_devs, provenance)
     left = lack_of_fit(rows, estimate.values)
-    return FitResult(fitted, estimate, rows, tuple(preparations), factor, left, prior, standing)
+    conflict = check_prior(rows, prior, options.covariance) if prior else None
+    return FitResult(
+        fitted, estimate, rows, tuple(preparations), factor, left, prior, standing, conflict
+    )
+
+
+def _undetermined(
+    model: Model, rows: Rows, estimate: Estimate, prior: Prior | None
+) -> tuple[str, ...]:
+    """Names of the parameters that neither recordings nor prior determine, in their order."""
+    names = set(estimate.undetermined)
+    for pair in at_one_speed(model, products_of(rows)).values():
+        known = [prior is not None and prior.matrix[:, rows.names.index(n)].any() for n in pair]
+        if not any(known):
+            names.update(pair)
+    return tuple(name for name in rows.names if name in names)
 
 
 def _estimate(

@@ -19,6 +19,7 @@ ROWS_PER_ORDER = 10  # that no column explains; fewer do not carry another coeff
 LARGEST_REFLECTION = 0.98  # keeps the memory of the model finite
 GRADIENT = 0.05  # of the log-likelihood at which the search ends; a difference of 1 says nothing
 ROUNDING = 1e-24  # share of the force's sum of squares below which the rest is rounding
+REFLECTIONS = np.linspace(-0.95, 0.95, 39)
 MEMORY = 2 * HIGHEST_ORDER
 """Samples from which filtered noise is predicted, which has no order of its own."""
 
@@ -39,11 +40,14 @@ class Autoregression(NamedTuple):
 
     def autocovariance(self, lags: int) -> np.ndarray:
         """Of the noise behind its filter, at lags 0, 1, ...: (lags,)."""
-        points = 8 * (lags + 64)
-        spectrum = _power(self.filtered, points)
-        spectrum = spectrum / np.abs(np.fft.rfft(self.polynomial, points)) ** 2
-        covariance = np.fft.irfft(spectrum, points)[:lags]
-        return self.variance * covariance / covariance[0]
+        points = _points(lags)
+        return np.fft.irfft(self.spectrum(points), points)[:lags]
+
+    def spectrum(self, points: int) -> np.ndarray:
+        """Power spectrum (points / 2 + 1,) of the noise behind its filter, its mean `variance`."""
+        power = _power(self.filtered, points)
+        power = power / np.abs(np.fft.rfft(self.polynomial, points)) ** 2
+        return self.variance * power / np.fft.irfft(power, points)[0]
 
 
 def restricted_likelihood(
@@ -55,29 +59,80 @@ def restricted_likelihood(
     rows are whitened by as many used samples as stand directly before them. Order by Schwarz
     (1978). `filtered` (lags,): the autocorrelation that a filter has given to white noise.
     """
+    models = _models(columns, force, used, filtered)
+    return min(models, key=lambda one: one.schwarz).noise if models else None
+
+
+def autocovariances(
+    columns: np.ndarray, force: np.ndarray, used: np.ndarray, lags: int, power: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Autocovariances (lags,) of the noise in the same regression: most probable, and cautious.
+
+    Few rows do not show which model is true, and the most probable one may put little power just
+    where the columns have theirs. The cautious one never becomes smaller by chance: the spectra of
+    all orders are averaged by their probability (Schwarz), order 1 over all its coefficients, and
+    no frequency has less power than white noise as strong as the residual. If the columns explain
+    all of the force, both are white noise of this `power`.
+    """
+    models = _models(columns, force, used, UNFILTERED)
+    if not models:
+        white = np.where(np.arange(lags) == 0, power, 0.0)
+        return white, white
+    points = _points(lags)
+    spectra = [one.noise.spectrum(points) for one in models]
+    criteria = [one.schwarz for one in models]
+    likely, least = spectra[int(np.argmin(criteria))], spectra[0]
+    if (likelihood := models[0].likelihood) is not None:
+        first = _Likelihood(likelihood.values, used, 1, UNFILTERED)
+        searched = np.arctanh(REFLECTIONS / LARGEST_REFLECTION)[:, np.newaxis]
+        costs = np.array([first.cost(one) for one in searched])
+        of_coefficient = [first.noise(one).spectrum(points) for one in searched]
+        averaged = _shares(costs) @ np.array(of_coefficient)
+        spectra[1:2], criteria[1:2] = [averaged], [float(costs.min() + np.log(first.free))]
+    cautious = np.maximum(_shares(np.array(criteria)) @ np.array(spectra), least)
+    return np.fft.irfft(likely, points)[:lags], np.fft.irfft(cautious, points)[:lags]
+
+
+def _shares(costs: np.ndarray) -> np.ndarray:
+    """Probabilities of models by -2 log of their likelihoods."""
+    shares = np.exp(-0.5 * (costs - costs.min()))
+    return np.asarray(shares / shares.sum())
+
+
+class _Model(NamedTuple):
+    """Noise of an order by maximum likelihood, and its criterion by Schwarz (1978).
+
+    Without a likelihood the residual is rounding.
+    """
+
+    noise: Autoregression
+    schwarz: float
+    likelihood: "_Likelihood | None"
+
+
+def _models(
+    columns: np.ndarray, force: np.ndarray, used: np.ndarray, filtered: np.ndarray
+) -> list[_Model]:
+    """Order 0, 1, ...; none if the columns explain all of the force."""
     samples, explained = int(used.sum()), columns.shape[2]
     free = samples - explained
     if free <= 0:
-        return None
+        return []
     basis, rest = np.zeros_like(columns), np.zeros_like(force)
     basis[used] = np.linalg.qr(columns[used])[0]
     rest[used] = force[used] - basis[used] @ (basis[used].T @ force[used])
     power = float((rest**2).sum())
-    white = Autoregression(np.ones(1), power / free, filtered)
     if power <= ROUNDING * float((force[used] ** 2).sum()):
-        return white
+        return [_Model(Autoregression(np.ones(1), power / free, filtered), 0.0, None)]
     values = np.concatenate([basis, rest[..., np.newaxis]], axis=2)
-    best, lowest, start = white, np.inf, np.zeros(0)
+    found, start = [], np.zeros(0)
     for order in range(min(HIGHEST_ORDER, free // ROWS_PER_ORDER) + 1):
         likelihood = _Likelihood(values, used, order, filtered)
         if order:
             start = minimize(likelihood.cost, [*start, 0.0], options={"gtol": GRADIENT}).x
         schwarz = likelihood.cost(start) + order * np.log(free)
-        if schwarz < lowest:
-            variance = likelihood.rest(start) / free / likelihood.predictors(start)[1][-1]
-            polynomial = _predictors(start)[0][-1]
-            best, lowest = Autoregression(polynomial, variance, filtered), schwarz
-    return best
+        found.append(_Model(likelihood.noise(start), schwarz, likelihood))
+    return found
 
 
 class _Likelihood:
@@ -90,6 +145,7 @@ class _Likelihood:
     def __init__(
         self, values: np.ndarray, used: np.ndarray, order: int, filtered: np.ndarray
     ) -> None:
+        self.values, self.filtered = values, filtered
         self.free = int(used.sum()) - (values.shape[2] - 1)
         self.counts, self.products = [], []
         self.predictors = _predictors if len(filtered) == 1 else _behind(filtered)
@@ -113,9 +169,12 @@ class _Likelihood:
         scale = np.log(variances / variances[-1]) @ np.array(self.counts)
         return float(2 * self.free * diagonal[-1] + 2 * diagonal[:-1].sum() + scale)
 
-    def rest(self, search: np.ndarray) -> float:
-        """Sum of squares of the whitened force that no whitened column explains."""
-        return float(self._factor(self.predictors(search))[-1, -1] ** 2)
+    def noise(self, search: np.ndarray) -> Autoregression:
+        """The model at these reflection coefficients, with the variance that fits best."""
+        predictors = self.predictors(search)
+        rest = float(self._factor(predictors)[-1, -1] ** 2)  # that no whitened column explains
+        variance = rest / self.free / predictors[1][-1]
+        return Autoregression(_predictors(search)[0][-1], variance, self.filtered)
 
     def _factor(self, predictors: Predictors) -> np.ndarray:
         polynomials, variances = predictors
@@ -145,6 +204,11 @@ def _predictors(search: np.ndarray) -> Predictors:
         polynomials.append(longer + reflection * longer[::-1])
         variances.append(variances[-1] * (1 - reflection**2))
     return polynomials, np.array(variances)
+
+
+def _points(lags: int) -> int:
+    """Frequencies on which noise of so many lags is evaluated."""
+    return 8 * (lags + 64)
 
 
 def _power(filtered: np.ndarray, points: int) -> np.ndarray:

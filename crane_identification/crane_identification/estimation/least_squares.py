@@ -1,8 +1,10 @@
 """Least squares (30)-(31) by orthogonal decomposition, with weights, rank check and uncertainty."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from crane_identification.estimation.covariance import correlated, white
+from crane_identification.estimation.covariance import correlated, noise_of_joints, white
 from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.lack_of_fit import lack_of_fit
 from crane_identification.estimation.prior import Prior
@@ -35,40 +37,56 @@ def least_squares(
     return describe(rows, found, method)
 
 
+class Spread(NamedTuple):
+    """`covariance` (p, p) of an estimate, and that by the most `likely` noise, taken for certain.
+
+    The likely one weighs a prior and tells what is seen at all; the other is reported.
+    """
+
+    covariance: np.ndarray
+    likely: np.ndarray
+
+
 def fit(rows: Rows, weights: np.ndarray, covariance: Covariance, prior: Prior | None = None) -> Fit:
     """Θ and its covariance for given weights, (j,) or (n, j), and a prior."""
     weights = np.broadcast_to(weights, rows.force.shape)
     values, determined, bread, _ = solve_weighted(rows, weights)
-    spread = _spread(rows, weights, values, bread, covariance)
+    spread = spread_of(rows, weights, values, bread, covariance)
     if prior is None:
-        return Fit(values, spread, determined & _seen(rows, np.sqrt(np.diag(spread))))
+        return Fit(values, spread.covariance, determined & _seen(rows, spread.likely))
     scaling = weights[rows.used]
     matrix, force = rows.stacked * scaling[:, None], rows.force[rows.used] * scaling
     # Noise that is correlated from row to row makes rows count for fewer than they are.
     rank = np.count_nonzero(np.diag(bread))
-    excess = float(np.trace(spread @ (matrix.T @ matrix))) / rank
+    excess = float(np.trace(spread.likely @ (matrix.T @ matrix))) / rank
     beforehand = prior.matrix * np.sqrt(excess), prior.values * np.sqrt(excess)
     values, determined, bread, _ = solve(
         np.vstack([matrix, beforehand[0]]), np.concatenate([force, beforehand[1]])
     )
     carried = bread @ beforehand[0].T
-    spread = _spread(rows, weights, values, bread, covariance) + excess * carried @ carried.T
-    seen = determined & _seen(rows, np.sqrt(np.diag(spread)))
-    return Fit(values, spread, seen, beforehand)
+    of_prior = excess * carried @ carried.T
+    spread = spread_of(rows, weights, values, bread, covariance)
+    seen = determined & _seen(rows, spread.likely + of_prior)
+    return Fit(values, spread.covariance + of_prior, seen, beforehand)
 
 
-def _spread(
+def spread_of(
     rows: Rows, weights: np.ndarray, values: np.ndarray, bread: np.ndarray, covariance: Covariance
-) -> np.ndarray:
-    """(p, p) that the noise of the rows gives to the solution with this `bread`."""
+) -> Spread:
+    """What the noise of the rows gives to the solution with this `bread`."""
     residual = weights * rows.residual(values)
     if covariance is Covariance.CORRELATED:
-        return correlated(rows, weights, residual, bread, lack_of_fit(rows, values))
-    return white(residual[rows.used], bread, covariance)
+        joints = noise_of_joints(rows, weights, residual, lack_of_fit(rows, values))
+        likely = bread @ np.sum([one.likely for one in joints], axis=0) @ bread
+        return Spread(correlated(joints, bread), likely)
+    found = white(residual[rows.used], bread, covariance)
+    return Spread(found, found)
 
 
-def _seen(rows: Rows, std_devs: np.ndarray) -> np.ndarray:
+def _seen(rows: Rows, covariance: np.ndarray) -> np.ndarray:
     """(p,): whether the force says more about a parameter than that it is there."""
+    std_devs = np.sqrt(np.diag(covariance))
     columns = np.stack([rows.rms(rows.matrix[:, :, k]) for k in range(len(rows.names))])
     force = rows.rms(rows.force)
-    return ~((columns * std_devs[:, None] > UNSEEN * force) & (columns > 0.0)).any(axis=1)
+    hidden = (columns * std_devs[:, None] > UNSEEN * force) & (columns > 0.0)
+    return np.asarray(~hidden.any(axis=1))

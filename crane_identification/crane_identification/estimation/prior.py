@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import model_validator
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, orth
 
 from crane_model.chain import pseudo_inertia
 from crane_model.configuration import Positive, Schema, load
@@ -115,15 +115,29 @@ class KnownBodies:
     rows: int
 
 
+class PriorEntry(NamedTuple):
+    """One parameter or body of a prior file.
+
+    `name` as in the file, `known` its value in words (empty for a body), `span` (k, r): orthonormal
+    directions, among the k rows of the prior, that the entry takes part in.
+    """
+
+    name: str
+    known: str
+    span: np.ndarray
+
+
 @dataclass(frozen=True)
 class Prior:
     """Independent rows `matrix` Θ = `values`, each with the standard deviation 1: (k, p), (k,).
 
-    Of `bodies` the divergence counts in the place of their rows; None: the rows themselves.
+    `entries` are the lines of the file that the rows come from. Of
+    `bodies` the divergence counts in the place of their rows, which stand last; None: the rows do.
     """
 
     matrix: np.ndarray
     values: np.ndarray
+    entries: tuple[PriorEntry, ...] = ()
     bodies: KnownBodies | None = None
 
     @property
@@ -149,19 +163,30 @@ def load_prior(path: Path | str, model: Model) -> Prior:
         for name, known in content.parameters.items()
     ]
     matrices, values = [row for row, _ in rows], [value for _, value in rows]
-    known = None
+    known, parts = None, dict[str, np.ndarray]()
     if content.bodies:
-        combined, means, known = _of_bodies(model, content.bodies, content.measure, path)
+        combined, means, known, parts = _of_bodies(model, content.bodies, content.measure, path)
         matrices += list(combined)
         values += list(means)
     if not matrices:
         raise ConfigurationError(f"{path}: neither parameters nor bodies are known; name some")
-    return Prior(np.array(matrices), np.array(values), known)
+    unit, singles = np.eye(len(matrices)), len(content.parameters)
+    units = {parameter.name: parameter.unit for parameter in model.parameters}
+    entries = [
+        PriorEntry(name, f"{entry.value:g} ± {entry.std_dev:g} {units[name]}", unit[:, [i]])
+        for i, (name, entry) in enumerate(content.parameters.items())
+    ]
+    entries += [
+        PriorEntry(f"body {name}", "", unit[:, singles:] @ orth(part))
+        for name, part in parts.items()
+    ]
+    return Prior(np.array(matrices), np.array(values), tuple(entries), known)
 
 
 def _of_bodies(
     model: Model, bodies: Mapping[str, KnownBody], measure: Measure, path: Path | str
-) -> tuple[np.ndarray, np.ndarray, KnownBodies | None]:
+) -> tuple[np.ndarray, np.ndarray, KnownBodies | None, dict[str, np.ndarray]]:
+    """Whitened rows (r, p), their values (r,), and what of them (r, 10) is of each body."""
     machine = _machine(model, bodies, path)
     listed = [bodies[joint.name] for joint in machine.joints]
     ten = [body.ten(joint.after) for body, joint in zip(listed, machine.joints, strict=True)]
@@ -197,7 +222,10 @@ def _of_bodies(
         whitening = np.linalg.inv(np.linalg.cholesky(combination @ covariance @ combination.T))
         matrix = np.zeros((len(combination), len(model.parameters)))
         matrix[:, model.part(term)] = whitening
-        return matrix, whitening @ combination @ mean, known
+        shares = whitening @ combination @ np.linalg.cholesky(covariance)
+        ten_each = np.split(shares, len(machine.joints), axis=1)
+        parts = {joint.name: part for joint, part in zip(machine.joints, ten_each, strict=True)}
+        return matrix, whitening @ combination @ mean, known, parts
     raise ConfigurationError(
         f"{path}: bodies: no term of model '{model.name}' is of the bodies of a machine; "
         "serial_rigid_body is"

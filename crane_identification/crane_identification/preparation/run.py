@@ -165,7 +165,21 @@ def where_moving(
     options: Options,
     settling: float = SETTLING,
 ) -> np.ndarray:
-    """(n, j): where the sign of the velocity is known, or everywhere if nothing is masked."""
+    """(n, j): where the sign of the velocity is known, or everywhere if nothing is masked.
+
+    Friction of a motor that several joints turn needs the sign of its speed, on the rows of each.
+    """
     if not options.mask_reversals:
         return np.ones((len(motion.position), len(model.joints)), dtype=bool)
-    return moving(motion, step, periodic, settling)[:, : len(model.joints)]
+    known = moving(motion, step, periodic, settling)[:, : len(model.joints)]
+    for term in model.terms:
+        if turned_by := term.turned_by(model.setting):
+            at, shares = [model.joints.index(joint) for joint in turned_by], [*turned_by.values()]
+            motor = replace(
+                motion,
+                velocity=motion.velocity[:, at] @ np.array(shares)[:, np.newaxis],
+                velocity_noise=np.array([np.linalg.norm(motion.velocity_noise[at] * shares)]),
+                bandwidth=motion.bandwidth[at].min(keepdims=True),
+            )
+            known[:, at] &= moving(motor, step, periodic, settling)
+    return known

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.data.log import Log
+from crane_identification.estimation.prior_check import CHANGED, Change, PriorConflict
 from crane_identification.fitting import FitResult
 from crane_identification.notation import (
     NONE,
@@ -13,6 +14,7 @@ from crane_identification.notation import (
     short_percent,
     shown,
     spoken,
+    with_uncertainty,
 )
 from crane_identification.preparation.run import Preparation
 from crane_identification.report.errors import pooled
@@ -27,6 +29,8 @@ RESTING = 0.5
 """A joint that moves for less than this share of the time is weakly excited."""
 BEYOND_NOISE = 1e-3
 """Probability of the noise doing what is seen, below which it is said that something else does."""
+TYPICAL_CHANGES = 5
+"""So many changes are named, the others counted."""
 REMAINDER = 0.05
 """Share of a period that may be lost at the ends of a recording without a word."""
 
@@ -43,6 +47,7 @@ def findings(
     unsure = undetermined(fit.rows, fit.estimate.relative_error, fit.preparations) if alone else ""
     units = [setting.force_unit(joint) for joint in fit.model.joints]
     return (
+        *(_contradicted(fit.conflict) if fit.conflict else ()),
         *_parameters(fit),
         *_standing(fit),
         *(warning for log in logs for warning in log.warnings),
@@ -96,6 +101,35 @@ def _parameters(fit: FitResult) -> list[str]:
             f"Standard deviation above {short_percent(UNCERTAIN)} of the value: {listed(doubtful)}."
         )
     return notes
+
+
+def _contradicted(conflict: PriorConflict) -> list[str]:
+    notes = []
+    for one in conflict.contradictions:
+        known = f" ({one.known})" if one.known else ""
+        mean = f", root mean square of {one.freedom} values" if one.freedom > 1 else ""
+        notes.append(
+            f"The recordings contradict the prior of {one.entry}{known} by "
+            f"{plain(one.sigmas)} σ{mean}. Without it: {_changes(one.changes)}. Correct it, or "
+            "widen its standard deviation."
+        )
+    if (count := len(notes)) > 1:
+        notes.append(f"Without these {count} priors: {_changes(conflict.changes)}.")
+    return notes
+
+
+def _changes(changes: Sequence[Change]) -> str:
+    """The largest changes in words."""
+    if not changes:
+        return f"no parameter moves by more than {plain(CHANGED)} σ, as other priors agree with it"
+    parts = []
+    for one in changes[:TYPICAL_CHANGES]:
+        value, std_dev = with_uncertainty(one.without, one.std_dev)
+        parts.append(
+            f"{one.parameter} {value} ± {std_dev} {one.unit} instead of {plain(one.with_entry, 4)}"
+        )
+    more = len(changes) - TYPICAL_CHANGES
+    return listed(parts if more <= 0 else [*parts, f"{more} more"])
 
 
 def _doubt(parameter: Parameter, value: float, std_dev: float) -> str:

@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.data.column_map import ColumnMap
+from crane_identification.estimation.covariance import meat
 from crane_identification.estimation.regression import common_factor
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_identification.recording_check.check import vetted
 from crane_identification.scale.information import Information
-from crane_identification.scale.recording import meat, read, rows_of
+from crane_identification.scale.recording import read, rows_of
 from crane_identification.scale.summed import FirstRound, SummedFit
 from crane_model.model_file import Model
 from crane_model.progress import Progress, silent

@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from crane_identification.estimation.excitation import at_one_speed, undetermined_in_words
 from crane_identification.estimation.rows import BasicSolution
 from crane_identification.scale.information import Information
 from crane_model.errors import DataError
@@ -52,13 +53,11 @@ class FirstRound:
             )
         weights = information.balancing()
         solution = information.solve(weights)
-        if not solution.determined.all():
-            unknown = np.array(information.names)[~solution.determined]
-            raise DataError(
-                f"model '{model.name}': {', '.join(unknown)}: these recordings show only "
-                "combinations of these parameters; excite the joints more or take terms out of "
-                "the model"
-            )
+        names, count = np.array(information.names), len(information.names)
+        pairs = at_one_speed(model, information.matrix[:, :count, :count]).values()
+        unknown = names[~solution.determined | np.isin(names, [n for pair in pairs for n in pair])]
+        if len(unknown):
+            raise DataError(undetermined_in_words(model, unknown.tolist()))
         return cls(information, len(parts), weights, solution)
 
     def fitted(self, model: Model, meat: np.ndarray) -> Model:

@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 from crane_model.array import Array
 from crane_model.chain import PER_BODY, regressor
 from crane_model.machine import Machine
+from crane_model.machine.joint import MachineJoint
 
 SAMPLES = 200  # random states that show which columns depend on each other
 NEGLIGIBLE = 1e-9  # of a column's norm
 
 _FIRST = ("mx", "my", "Ixy", "Ixz", "Iyz", "Izz", "Ixx", "mz", "Iyy", "m")
 """Which of a body's parameters stand for a combination, if they can: those that Gautier and Khalil
-(1990) keep for a body that turns about z; masses and the rest go to the bodies before."""
+(1990) keep for a body that turns about z; the rest goes to the bodies before, except that the mass
+on a slide stands for all masses that it carries."""
+ALONG = 0.99  # of a unit vector that lies along a coordinate axis
 
 
 class BaseSet(NamedTuple):
@@ -49,7 +52,7 @@ def base_set(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...] = 
     states[1:, :, moving] = rng.standard_normal((2, SAMPLES, len(joints)))
     columns = regressor(machine.chain, *states)[:, moving].reshape(-1, len(names))
     left = [i for i, name in enumerate(names) if name not in zero]
-    order = sorted(left, key=lambda i: (_FIRST.index(PER_BODY[i % 10]), -i))
+    order = sorted(left, key=lambda i: _rank(machine.joints[i // 10], PER_BODY[i % 10]) + (-i,))
     leading = _independent(columns, order)
     dependent = [i for i in left if i not in set(leading)]
     combination = np.zeros((len(leading), len(names)))
@@ -57,6 +60,20 @@ def base_set(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...] = 
     found = np.linalg.lstsq(columns[:, leading], columns[:, dependent], rcond=None)[0]
     combination[:, dependent] = np.where(np.abs(found) > NEGLIGIBLE, found, 0.0)
     return BaseSet(np.array(leading), combination, names)
+
+
+def _rank(joint: MachineJoint, quantity: str) -> tuple[int, bool]:
+    """Place of a body's parameter among those that may stand for a combination, lowest first."""
+    return _FIRST.index(_as_about_z(joint, quantity)), joint.kind == "revolute"
+
+
+def _as_about_z(joint: MachineJoint, quantity: str) -> str:
+    """The quantity (m, mx, ..., Izz) in axes that are exchanged so that the joint's axis is z."""
+    axis = int(np.argmax(np.abs(joint.direction)))
+    if abs(joint.direction[axis]) < ALONG:
+        return quantity
+    letters = {"xyz"[(axis + 1) % 3]: "x", "xyz"[(axis + 2) % 3]: "y", "xyz"[axis]: "z"}
+    return quantity[0] + "".join(sorted(letters[one] for one in quantity[1:]))
 
 
 def _independent(columns: Array, order: list[int]) -> list[int]:

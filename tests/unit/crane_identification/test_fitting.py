@@ -8,6 +8,7 @@ from unit.crane_identification.synthetic import (
     LEAD,
     PERIOD,
     RATE,
+    RESOLUTION,
     axis_log,
     axis_model,
     crane_log,
@@ -15,12 +16,15 @@ from unit.crane_identification.synthetic import (
 )
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.estimation.excitation import redundancies
+from crane_identification.estimation.prior import load_prior
 from crane_identification.fitting import FitResult, fit, validate
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report.findings import findings
 from crane_model.errors import ConfigurationError, DataError
-from crane_model.model_file import Model
+from crane_model.model_file import Model, load_model
+from crane_model.record import Record
 
 
 @pytest.fixture(scope="module")
@@ -307,3 +311,144 @@ def test_same_logs_same_result(axis: Model, tmp_path: Path) -> None:
     logs = [axis_log(13, axis), axis_log(14, axis)]
     first, second = fit(axis, logs), fit(axis_model(tmp_path), logs)
     np.testing.assert_array_equal(first.estimate.covariance, second.estimate.covariance)
+
+
+def strokes(count: int, speeds: tuple[float, ...], ramp: float, hold: float = 1.5) -> Log:
+    """To and fro by trapezoids of these speeds [m/s], both ways; a force of 0.5 N of noise."""
+    parts = []
+    for k in range(count):
+        speed = speeds[k // 2 % len(speeds)] * (1.0 if k % 2 == 0 else -1.0)
+        up = np.linspace(0.0, speed, round(ramp * 200))
+        parts += [up, np.full(round(hold * 200), speed), up[::-1], np.zeros(60)]
+    v = np.concatenate(parts)
+    time = np.arange(len(v)) / 200.0
+    inertia, viscous, coulomb, offset = AXIS_THETA
+    force = inertia * np.gradient(v, time) + viscous * v + coulomb * np.sign(v) + offset
+    force[v == 0.0] = 0.0
+    force += 0.5 * np.random.default_rng(count).standard_normal(len(v))
+    q = RESOLUTION * np.round(np.cumsum(v) / 200.0 / RESOLUTION)
+    force_read = Signal(time, force[:, None], "f")
+    return Log("strokes", ("axis",), 0, Signal(time, q[:, None], "q"), force=force_read)
+
+
+@pytest.mark.parametrize("count", [4, 16])
+@pytest.mark.parametrize("ramp", [0.05, 0.2])
+@pytest.mark.parametrize("estimator", [Estimator.LEAST_SQUARES, Estimator.CONSISTENT])
+def test_one_speed_does_not_tell_viscous_from_coulomb_friction(
+    axis: Model, count: int, ramp: float, estimator: Estimator
+) -> None:
+    """However many strokes, and though the rounded ends of the ramps differ a little."""
+    options = Options(average=False, estimator=estimator)
+    with pytest.raises(
+        DataError, match=r"f_v.axis, f_c.axis: .* axis moves at one speed, 0.(2|19)"
+    ):
+        fit(axis, [strokes(count, (0.2,), ramp)], options)
+
+
+def test_two_speeds_tell_them_apart(axis: Model) -> None:
+    estimate = fit(axis, [strokes(8, (0.2, 0.1), 0.2)], Options(average=False)).estimate
+    assert (np.abs(estimate.values - AXIS_THETA) < 3.5 * estimate.std_devs)[1:].all()
+
+
+def test_one_speed_and_a_prior(axis: Model, tmp_path: Path) -> None:
+    """What is known of one of both frictions gives the other."""
+    path = tmp_path / "prior.yaml"
+    path.write_text("parameters: {f_c.axis: {value: 8, std_dev: 0.2}}")
+    known = load_prior(path, axis)
+    log = strokes(8, (0.2,), 0.05)
+    estimate = fit(axis, [log], Options(average=False), prior=known).estimate
+    assert estimate.values[1] == pytest.approx(30.0, abs=3.0 * estimate.std_devs[1])
+
+
+TURNTABLE = """
+name: turntable
+gravity: 9.81
+joints:
+  - name: base
+    kind: revolute
+    axis: [0, 0, 1]
+    limits: &limits
+      {position_min: -3, position_max: 3, velocity_min: -2, velocity_max: 2}
+    actuator: {type: electric_drive, gear_ratio: 120}
+  - name: arm
+    kind: revolute
+    origin: {xyz: [0.3, 0, 0.5], rpy: [0, 0, 0]}
+    axis: [0, 1, 0]
+    limits: *limits
+    actuator: {type: electric_drive, gear_ratio: 100}
+"""
+
+
+def turntable(folder: Path, *terms: str, more: str = "") -> Model:
+    (folder / "machine.yaml").write_text(TURNTABLE + more)
+    path = folder / "model.yaml"
+    lines = ["name: arm", "machine: machine.yaml", "joints: {base: rad, arm: rad}", "terms:"]
+    path.write_text("\n".join([*lines, *(f"  - {{{term}}}" for term in terms)]))
+    return load_model(path)
+
+
+def turntable_log(model: Model, still: str = "") -> Log:
+    """Both joints by sums of sines, or one of them `still`."""
+    rng, time = np.random.default_rng(5), np.arange(0.0, 40.0, 0.01)
+    omega = 2.0 * np.pi * np.array([[0.1, 0.23, 0.41], [0.13, 0.29, 0.37]])
+    angle = time[:, None, None] * omega
+    size = np.array([0.5, 0.0 if still == "arm" else 0.4])
+    q, v, a = (
+        size * each.sum(axis=2)
+        for each in (np.sin(angle), omega * np.cos(angle), -(omega**2) * np.sin(angle))
+    )
+    columns = model.regressor(Record(model.joints, time, q, v, a))
+    force = columns @ rng.uniform(1.0, 2.0, columns.shape[2]) + rng.normal(size=q.shape)
+    return Log("made", model.joints, 0, Signal(time, q, "q"), force=Signal(time, force, "f"))
+
+
+def test_what_no_motion_separates_is_not_blamed_on_excitation(tmp_path: Path) -> None:
+    """The rotor of the first axis turns as its link does; that of the second one does not."""
+    terms = ("type: serial_rigid_body", "type: rotor_inertia, joint: base")
+    model = turntable(tmp_path, *terms)
+    (found,) = redundancies(model)
+    assert found.parameters == ("Izz_r.base", "I_rotor.base")
+    assert found.combinations == ("Izz_r.base + 14400 I_rotor.base",)
+    with pytest.raises(DataError, match="I_rotor.base: no motion of the machine sep") as refused:
+        fit(model, [turntable_log(model)], Options(average=False))
+    assert "xcite" not in str(refused.value)
+
+
+def test_poor_excitation_is_told_from_redundancy(tmp_path: Path) -> None:
+    terms = ("type: serial_rigid_body", "type: viscous, joint: arm", "type: coulomb, joint: arm")
+    model = turntable(tmp_path, *terms)
+    assert redundancies(model) == ()
+    with pytest.raises(DataError, match="these recordings show only combinations .* arm moves at"):
+        fit(model, [turntable_log(model, still="arm")], Options(average=False))
+
+
+COUPLING = """
+couplings:
+  - {joints: [base, arm], matrix: [[1, 0], [1, 1]]}
+"""
+
+
+def test_friction_of_a_motor_that_two_joints_turn(tmp_path: Path) -> None:
+    """In YAML alone; beside the friction of the joints, and where the motor turns back."""
+    frictions = [
+        f"type: {kind}, joint: {joint}"
+        for kind in ("viscous", "coulomb")
+        for joint in ("base", "arm")
+    ]
+    motors = ("type: motor_viscous, joint: arm", "type: motor_coulomb, joint: arm")
+    model = turntable(tmp_path, "type: serial_rigid_body", *frictions, *motors, more=COUPLING)
+    log = turntable_log(model)
+    true = np.random.default_rng(5).uniform(1.0, 2.0, len(model.parameters))
+    estimate = fit(model, [log], Options(average=False)).estimate
+    assert estimate.names[-2:] == ("f_v_motor.arm", "f_c_motor.arm")
+    assert (np.abs(estimate.values - true) < 3.5 * estimate.std_devs).all()
+    assert (estimate.std_devs[-2:] < 0.1).all()
+    (prepared,) = prepare(model, log, Options(average=False))
+    v = prepared.record.velocity
+    motor = np.abs(v.sum(axis=1))
+    assert motor[prepared.moving.all(axis=1)].min() > 0.01 * motor.max()
+
+
+def test_friction_of_a_motor_needs_its_coupling(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="'arm' is in no coupling of the machine"):
+        turntable(tmp_path, "type: motor_coulomb, joint: arm")

@@ -4,21 +4,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.estimation.prior import KnownBody, load_prior
 from crane_identification.fitting import fit
 from crane_identification.options import Estimator, Options
+from crane_identification.report.findings import findings
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting
-from crane_model.terms.friction import Viscous
+from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.planar import planar_machine
 from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_model.terms.serial_rigid_body import SerialRigidBody
-from crane_model.terms.single_axis import Inertia
+from crane_model.terms.single_axis import Inertia, Offset
 
 AXIS = Model("axis", Setting({"axis": "m"}, None), (Inertia(joint="axis"), Viscous(joint="axis")))
 PLAIN = Options(average=False, estimator=Estimator.LEAST_SQUARES)
@@ -48,6 +50,97 @@ def test_between_data_and_prior_by_their_variances(tmp_path: Path) -> None:
     assert both.values[0] == pytest.approx(data.values[0] + std_dev, abs=0.1 * std_dev)
     assert both.std_devs[0] == pytest.approx(std_dev / np.sqrt(2.0), rel=0.1)
     assert both.values[1] == pytest.approx(data.values[1], abs=data.std_devs[1])
+
+
+def test_entries_that_recordings_contradict(tmp_path: Path) -> None:
+    """Each in standard deviations of both, judged beside entries that agree; and what changes."""
+    text = (
+        "parameters: {inertia.axis: {value: 4, std_dev: 0.01}, f_v.axis: {value: 2.1, std_dev: 1}}"
+    )
+    alone = fit(AXIS, [log(1.0)], PLAIN).estimate
+    result = fit(AXIS, [log(1.0)], PLAIN, prior=prior(tmp_path, text))
+    assert result.conflict is not None
+    (found,) = result.conflict.contradictions
+    assert (found.entry, found.freedom) == ("inertia.axis", 1)
+    both = np.hypot(0.01, alone.std_devs[0])
+    assert found.sigmas == pytest.approx((4.0 - alone.values[0]) / both, rel=0.02)
+    change = found.changes[0]
+    assert change.parameter == "inertia.axis"
+    assert change.with_entry == pytest.approx(result.estimate.values[0])
+    assert change.without == pytest.approx(alone.values[0], abs=0.1 * alone.std_devs[0])
+    assert change.std_dev == pytest.approx(alone.std_devs[0], rel=0.1)
+    told = findings(result, [log(1.0)])[0]
+    assert told.startswith("The recordings contradict the prior of inertia.axis (4 ± 0.01 kg) by ")
+    assert f"inertia.axis {change.without:.3f} ± " in told
+
+
+def test_two_wrong_entries_do_not_hide_each_other(tmp_path: Path) -> None:
+    """Both are of one combination, that of weight: either alone explains the other."""
+    model = Model("axis", AXIS.setting, (*AXIS.terms, Offset(joint="axis"), Coulomb(joint="axis")))
+    text = (
+        "parameters: {offset.axis: {value: 5, std_dev: 0.1}, f_c.axis: {value: 3, std_dev: 0.1}, "
+        "f_v.axis: {value: 2, std_dev: 0.5}}"
+    )
+    result = fit(model, [log(1.0)], PLAIN, prior=prior(tmp_path, text, model))
+    found = result.conflict
+    assert found is not None
+    assert {one.entry for one in found.contradictions} == {"offset.axis", "f_c.axis"}
+    assert all(one.sigmas > 20.0 for one in found.contradictions)
+    without = {one.parameter: one.without for one in found.changes}
+    assert without["offset.axis"] == pytest.approx(0.0, abs=0.2)
+    assert "Without these 2 priors: " in findings(result, [log(1.0)])[2]
+
+
+def test_what_recordings_do_not_show_contradicts_nothing(tmp_path: Path) -> None:
+    """Of offset and Coulomb friction of a joint that moves one way, only the sum is seen."""
+    time = np.linspace(0.0, 20.0, 2001)
+    course = 2.0 * time + np.sin(time)
+    force = 3.0 * -np.sin(time) + 5.0 + np.random.default_rng(1).standard_normal(len(time))
+    place = Signal(time, course[:, np.newaxis], "made")
+    one_way = Log("made", ("axis",), 0, place, force=Signal(time, force[:, np.newaxis], "made"))
+    terms = (Inertia(joint="axis"), Offset(joint="axis"), Coulomb(joint="axis"))
+    model = Model("axis", AXIS.setting, terms)
+    text = "parameters: {f_c.axis: {value: 40, std_dev: 1}}"
+    result = fit(model, [one_way], PLAIN, prior=prior(tmp_path, text, model))
+    assert result.conflict is not None
+    assert not result.conflict.contradictions
+    assert result.estimate.values[1] == pytest.approx(-35.0, abs=0.5)
+
+
+def test_a_body_that_recordings_contradict(tmp_path: Path) -> None:
+    """The telescope of a crane, five times too heavy; the other bodies are right."""
+    model = crane_model()
+    assert model.machine is not None
+    bodies = {
+        "slew": (200.0, [0.0, 0.0, 0.0], [5.0, 5.0, 5.0]),
+        "inner_boom": (110.0, [-0.6, 0.1, 0.0], [2.0, 20.0, 20.0]),
+        "outer_boom": (90.0, [-0.2, 0.2, 0.0], [2.0, 15.0, 15.0]),
+        "telescope": (60.0, [0.0, 0.0, -0.5], [10.0, 10.0, 1.0]),
+    }
+    ten = [
+        KnownBody(mass=m, centre_of_mass=c, inertia=i, relative_std_dev=0.05).ten(joint.after)[0]
+        for joint in model.machine.joints
+        for m, c, i in [bodies[joint.name]]
+    ]
+    term = next(one for one in model.terms if one.has_base_parameters)
+    theta = model.theta.copy()
+    theta[model.part(term)] = term.of_bodies(model.setting) @ np.concatenate(ten)
+    true = model.with_estimate(theta, np.zeros(len(theta)), "true")
+    recording = crane_log(seed=1, model=true)
+
+    def contradicted(mass: float) -> list[str]:
+        given = {**bodies, "telescope": (mass, *bodies["telescope"][1:])}
+        lines = [
+            f"  {name}: {{mass: {m}, centre_of_mass: {c}, inertia: {i}, relative_std_dev: 0.05}}"
+            for name, (m, c, i) in given.items()
+        ]
+        known = prior(tmp_path, "\n".join(["bodies:", *lines]), model)
+        result = fit(model, [recording], Options(estimator=Estimator.LEAST_SQUARES), prior=known)
+        assert result.conflict is not None
+        return [one.entry for one in result.conflict.contradictions]
+
+    assert contradicted(60.0) == []
+    assert contradicted(300.0) == ["body telescope"]
 
 
 @pytest.mark.parametrize(("std_dev", "value"), [(1e-6, 4.0), (1e6, 3.0)])

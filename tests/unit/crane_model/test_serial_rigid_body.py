@@ -65,13 +65,15 @@ def test_base_parameters_are_all_that_the_motion_determines(name: str) -> None:
 def test_each_is_named_as_the_combination_that_it_is() -> None:
     machine = load_machine("excavator")
     by_name = {one.name: one for one in SerialRigidBody().parameters(setting(machine))}
-    assert by_name["mx.bucket"].meaning == "mx.bucket"
+    assert by_name["mx.bucket"].meaning == "mass moment along x of bucket"
     assert by_name["my.bucket"].unit == "kg m"
-    assert by_name["mx_r.boom"].meaning == "mx.boom + 2.05 m.stick + 2.05 m.bucket"
+    assert by_name["mx_r.boom"].meaning == (
+        "mass moment along x of boom, mx.boom + 2.05 m.stick + 2.05 m.bucket"
+    )
     regrouped = by_name["Izz_r.stick"]
-    assert regrouped.meaning == "Izz.stick + 1.1025 m.bucket"
+    assert regrouped.meaning == "inertia about the axis of stick, Izz.stick + 1.1025 m.bucket"
     assert (regrouped.unit, regrouped.minimum) == ("kg m2", 0.0)
-    assert by_name["Ixx_r.bucket"].meaning == "Ixx.bucket - Iyy.bucket"
+    assert by_name["Ixx_r.bucket"].meaning == ("inertia about x of bucket, Ixx.bucket - Iyy.bucket")
     assert by_name["Ixx_r.bucket"].minimum is None
 
 
@@ -85,6 +87,59 @@ def test_the_swing_has_parameters_of_its_own_where_it_is_measured() -> None:
     ]
     names = {one.name for one in SerialRigidBody().parameters(setting(machine))}
     assert names >= {one.name for one in of_arm} | {"Izz_r.swing"}
+
+
+ARM = """
+name: arm
+gravity: 9.81
+joints:
+"""
+JOINT = """
+  - name: {name}
+    kind: {kind}
+    origin: {{xyz: {place}, rpy: {turned}}}
+    axis: {axis}
+    limits: {{position_min: -2.5, position_max: 2.5, velocity_min: -2, velocity_max: 2}}
+    actuator: {{type: electric_drive, gear_ratio: 100}}
+"""
+
+
+def arm(folder: Path, *joints: tuple[str, str, list[float], list[float], list[float]]) -> Machine:
+    """Joints as a URDF has them: name, kind, place and turn in the frame before, axis."""
+    keys = ("name", "kind", "place", "turned", "axis")
+    parts = [JOINT.format(**dict(zip(keys, joint, strict=True))) for joint in joints]
+    path = folder / "machine.yaml"
+    path.write_text(ARM + "".join(parts))
+    return load_machine(path)
+
+
+@pytest.mark.parametrize("axis", [[0, 1, 0], [0, -1, 0], [1, 0, 0], [0, 0, 1]])
+def test_names_follow_the_axes_of_joints(tmp_path: Path, axis: list[float]) -> None:
+    """A turntable under two joints whose axes are level, along any coordinate of their frames."""
+    level = {0: [0, 0, 0], 1: [0, 0, 0], 2: [np.pi / 2, 0, 0]}[int(np.argmax(np.abs(axis)))]
+    machine = arm(
+        tmp_path,
+        ("base", "revolute", [0, 0, 0.1], [0, 0, 0], [0, 0, 1]),
+        ("lower", "revolute", [0.1, 0.1, 0.2], level, axis),
+        ("upper", "revolute", [0.3, 0.3, 0.3], [0, 0, 0], axis),
+    )
+    parameters = SerialRigidBody().parameters(setting(machine))
+    by_name = {one.name: one.meaning for one in parameters}
+    assert by_name["Izz_r.base"].startswith("inertia about the axis of base, Izz.base + ")
+    along = "xyz"[int(np.argmax(np.abs(axis)))]
+    assert by_name[f"I{along}{along}_r.lower"].startswith("inertia about the axis of lower, ")
+    assert not [name for name in by_name if name.startswith((f"m{along}", "m."))]
+
+
+def test_the_mass_on_a_slide_is_named_after_the_slide(tmp_path: Path) -> None:
+    machine = arm(
+        tmp_path,
+        ("lift", "prismatic", [0, 0, 0.2], [0, 0, 0], [0, 0, 1]),
+        ("shoulder", "revolute", [0.2, 0, 0.2], [0, 0, 0], [0, 0, 1]),
+        ("elbow", "revolute", [0.1, 0, 0], [-np.pi / 2, 0, 0], [0, 0, 1]),
+    )
+    by_name = {one.name: one.meaning for one in SerialRigidBody().parameters(setting(machine))}
+    assert by_name["m_r.lift"] == "mass that lift moves, m.lift + m.shoulder + m.elbow"
 
 
 @pytest.mark.parametrize("zero", [(), ("mx.telescope",)])

@@ -14,6 +14,7 @@ from crane_model.actuators import actuator_from_mapping
 from crane_model.configuration import read_yaml
 from crane_model.errors import DataError
 from crane_model.machine import load_machine
+from crane_model.machine.coupling import Coupling
 from crane_model.machine_files import machine_file
 from crane_model.record import Record
 from crane_model.terms import (
@@ -42,15 +43,33 @@ MOTORS = Setting(
         }
     ),
 )
+COUPLED = Setting(
+    SETTING.units,
+    SETTING.machine.model_copy(
+        update={
+            "couplings": (
+                Coupling(joints=("inner_boom", "outer_boom"), matrix=((1.0, 0.0), (1.0, 1.0))),
+            )
+        }
+    ),
+)
 OF_MOTORS = {"rotor_inertia"}  # which no cylinder has
+OF_COUPLINGS = {"motor_coulomb", "motor_viscous"}
 EQUATION = re.compile(r"\(\d+\)|q'|=")  # the number of one in the report, or an equation itself
 UNIT = re.compile(r"(1|kg|N|m|rad|s|Pa|K|degC|Hz)[\w /^()-]*")
 
-ACROSS_JOINTS = {"boom_flexibility"}  # of a joint, but others carry it too
+ACROSS_JOINTS = {
+    "boom_flexibility",
+    "motor_coulomb",
+    "motor_viscous",
+}  # of a joint, but others carry it too
 ON_ONE_JOINT = sorted(
     (name, joint)
     for name in REGISTRY
-    for joint in joints_of(REGISTRY[name], MOTORS if name in OF_MOTORS else SETTING)
+    for joint in joints_of(
+        REGISTRY[name],
+        MOTORS if name in OF_MOTORS else COUPLED if name in OF_COUPLINGS else SETTING,
+    )
 )
 WITH_MEMORY = sorted(name for name in REGISTRY if issubclass(REGISTRY[name], MemoryTerm))
 CANDIDATES = sorted(name for name in REGISTRY if REGISTRY[name].effect)
@@ -59,8 +78,8 @@ each_type = pytest.mark.parametrize("name", sorted(REGISTRY))
 
 
 def setting_of(name: str) -> Setting:
-    """The crane, with motors for terms of motors."""
-    return MOTORS if name in OF_MOTORS else SETTING
+    """The crane, with motors for terms of motors, and coupled for terms of couplings."""
+    return MOTORS if name in OF_MOTORS else COUPLED if name in OF_COUPLINGS else SETTING
 
 
 def example(name: str, joint: str = "outer_boom") -> Term:

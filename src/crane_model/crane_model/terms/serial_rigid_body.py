@@ -10,12 +10,13 @@ from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.base_parameters import lagrangian_from_standard, standard_from_chain
-from crane_model.base_set import BaseSet, base_set
+from crane_model.base_set import ALONG, BaseSet, base_set
 from crane_model.chain import PER_BODY, fill_regressor, pull_back
 from crane_model.chain.serial_chain import SerialChain
 from crane_model.dynamics import Geometry
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
+from crane_model.machine.joint import MachineJoint
 from crane_model.record import Record
 from crane_model.terms.rigid_body import LAGRANGIAN
 from crane_model.terms.term import Family, Parameter, Setting, Term
@@ -28,7 +29,8 @@ class SerialRigidBody(Term):
     """M(q) q'' + C(q, q') q' + G(q) (6) of a serial chain in space, linear in its base parameters.
 
     Each is a combination of the ten parameters of the bodies (`crane_model.chain`), named after the
-    first: Izz.boom, or Izz_r.boom where others are regrouped with it, which its meaning lists.
+    one that its joint shows, for example the inertia about its axis: Izz.boom, or Izz_r.boom where
+    others are regrouped with it, which its meaning lists.
     Bodies that are symmetric may have parameters that are `zero`, as mx.telescope. Joints of the
     machine that the model lacks stand still. A crane as of the report has its parameters (8) under
     their names, and S_TL_normal unless that is excluded by mx of its telescope being zero.
@@ -131,10 +133,12 @@ def _bodies(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...]) ->
         )
     if (turned := _in_the_plane(machine, joints, base)) is not None:
         return _Bodies(base, LAGRANGIAN[: len(base.leading)], turned)
-    return _Bodies(base, tuple(_parameter(base, k) for k in range(len(base.leading))), None)
+    return _Bodies(
+        base, tuple(_parameter(machine, base, k) for k in range(len(base.leading))), None
+    )
 
 
-def _parameter(base: BaseSet, k: int) -> Parameter:
+def _parameter(machine: Machine, base: BaseSet, k: int) -> Parameter:
     kind, _, joint = base.names[base.leading[k]].partition(".")
     parts = base.combination[k]
     positive = (parts >= 0.0).all() and kind in ("m", "Ixx", "Iyy", "Izz")
@@ -143,7 +147,24 @@ def _parameter(base: BaseSet, k: int) -> Parameter:
     )
     symbol = kind if np.count_nonzero(parts) == 1 else f"{kind}_r"
     unit = _UNITS.get(kind, "kg m2")
-    return Parameter(f"{symbol}.{joint}", unit, 0.0 if positive else None, base.told(k))
+    moved = next(one for one in machine.joints if one.name == joint)
+    told = base.told(k)
+    meaning = f"{_meaning(moved, kind)}{'' if told == f'{kind}.{joint}' else f', {told}'}"
+    return Parameter(f"{symbol}.{joint}", unit, 0.0 if positive else None, meaning)
+
+
+def _meaning(joint: MachineJoint, kind: str) -> str:
+    """One of the ten parameters of a body in words."""
+    if kind == "m":
+        return f"mass that {joint.name} moves"
+    axes = kind.removeprefix("m").removeprefix("I")
+    if kind[0] == "m":
+        return f"mass moment along {axes} of {joint.name}"
+    if axes[0] != axes[1]:
+        return f"product of inertia {axes} of {joint.name}"
+    if abs(joint.direction["xyz".index(axes[0])]) > ALONG:
+        return f"inertia about the axis of {joint.name}"
+    return f"inertia about {axes[0]} of {joint.name}"
 
 
 def _in_the_plane(machine: Machine, joints: tuple[str, ...], base: BaseSet) -> Array | None:

@@ -161,6 +161,12 @@ class Term(Schema, ABC):
         """Its columns, where all are proportional to what single joints do; else none."""
         return ()
 
+    def turned_by(self, setting: Setting) -> Mapping[str, float]:
+        """Joints, with their shares of a speed whose sign the term follows; none where that is of
+        single joints.
+        """
+        return {}
+
     def pull_back(self, record: Record, setting: Setting, weight: Array) -> Array | None:
         """(3, n, j): derivatives of its columns, summed with weights (n, j, parameters), with
         respect to q, q' and q''. None if there is no closed form; not asked for `motion_columns`.
