@@ -1,5 +1,7 @@
 """Clocks of publishers: which stamps cannot be what the clock of the recorder says."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 NANOSECONDS = 1_000_000_000  # in a second
@@ -8,6 +10,44 @@ LARGEST_JUMP = NANOSECONDS // 10
 much [ns]: a message may be late, or overtake another."""
 REGULAR = NANOSECONDS  # ns, over which the two clocks are compared to tell drift from steps
 FEW = 10  # so many of these make a recording at least, so that one with a step in it does not count
+
+
+class SetBack(NamedTuple):
+    """Time that goes back from message to message, in the order of arrival."""
+
+    times: int  # how often
+    largest: int  # ns, by which it goes back at most
+    behind: int  # messages that are older than one before them
+    total: int  # messages
+    logged: bool  # log times go back, too: it was not a message that overtook another one
+
+    @property
+    def share(self) -> float:
+        """Share of messages that are older than one before them."""
+        return self.behind / self.total
+
+    def __str__(self) -> str:
+        where = "stamps and log times" if self.logged else "stamps"
+        return (
+            f"time goes back {self.times} time{'s' * (self.times > 1)}, by up to "
+            f"{self.largest / NANOSECONDS:.3g} s, in {where}"
+        )
+
+
+def set_back(stamp: np.ndarray, log_time: np.ndarray) -> SetBack | None:
+    """How often and how far stamps (n,) [ns] go back; None if they never do."""
+    if not len(stamp):
+        return None
+    steps = np.diff(stamp)
+    if not (back := steps < 0).any():
+        return None
+    return SetBack(
+        times=int(np.count_nonzero(back)),
+        largest=-int(steps.min()),
+        behind=int(np.count_nonzero(stamp < np.maximum.accumulate(stamp))),
+        total=len(stamp),
+        logged=bool((np.diff(log_time)[back] < 0).any()),
+    )
 
 
 def clock_step(stamp: np.ndarray, log_time: np.ndarray) -> tuple[int, int] | None:
