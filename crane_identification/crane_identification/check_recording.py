@@ -44,12 +44,11 @@ def _usual(name: Path | None) -> Model:
 
 
 def _lines(checked: Checked) -> list[str]:
-    found = [(one.decisive, str(one)) for one in checked.suspicions]
-    looks = "wrong" if checked.decisive else "doubtful" if found else "right"
     return [
-        f"{checked.source}: looks {looks}",
-        *(f"  {'wrong' if decisive else 'doubtful'}: {text}" for decisive, text in found),
+        f"{checked.source}: looks {checked.verdict}",
+        *(f"  {'wrong' if one.decisive else 'doubtful'}: {one}" for one in checked.suspicions),
         *(f"  not checked: {what}" for what in checked.unchecked),
+        *(f"  note: {note}" for note in checked.notes),
     ]
 
 

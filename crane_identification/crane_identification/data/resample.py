@@ -151,6 +151,17 @@ def measured(log: Log, signal: Signal, largest_gap: float = LARGEST_GAP) -> Sign
     return Signal(time, value[complete], signal.origin)
 
 
+def interruptions(signal: Signal, largest_gap: float = LARGEST_GAP) -> np.ndarray:
+    """(k, 2) begin and length [s] of each gap of a signal that `resample` does not bridge."""
+    value = signal.value.reshape(len(signal.time), -1).copy()
+    for column in value.T:
+        _bridge(signal.time, column, largest_gap)
+    time = signal.time[np.isfinite(value).all(axis=1)]
+    length = np.diff(time)
+    long = length > largest_gap + MARGIN
+    return np.column_stack([time[:-1][long], length[long]])
+
+
 def _bridge(time: np.ndarray, column: np.ndarray, largest_gap: float) -> None:
     """Fills short holes of a column (n,) in place."""
     sound, holes = np.flatnonzero(np.isfinite(column)), np.flatnonzero(~np.isfinite(column))

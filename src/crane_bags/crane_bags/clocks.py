@@ -11,12 +11,16 @@ much [ns]: a message may be late, or overtake another."""
 REGULAR = NANOSECONDS  # ns, over which the two clocks are compared to tell drift from steps
 FEW = 10  # so many of these make a recording at least, so that one with a step in it does not count
 
+MISORDERED = 0.02
+"""Share of messages that are older than one before them, from which on times are not known."""
+
 
 class SetBack(NamedTuple):
     """Time that goes back from message to message, in the order of arrival."""
 
     times: int  # how often
-    largest: int  # ns, by which it goes back at most
+    largest: int  # ns, by which it goes back at most from one message to the next
+    interval: int  # ns, by which it usually goes on
     behind: int  # messages that are older than one before them
     total: int  # messages
     logged: bool  # log times go back, too: it was not a message that overtook another one
@@ -26,11 +30,17 @@ class SetBack(NamedTuple):
         """Share of messages that are older than one before them."""
         return self.behind / self.total
 
+    @property
+    def spoils(self) -> bool:
+        """Whether so many messages are out of order that times are not known."""
+        return self.share > MISORDERED
+
     def __str__(self) -> str:
         where = "stamps and log times" if self.logged else "stamps"
         return (
             f"time goes back {self.times} time{'s' * (self.times > 1)}, by up to "
-            f"{self.largest / NANOSECONDS:.3g} s, in {where}"
+            f"{self.largest / NANOSECONDS:.3g} s from a message to the next, which usually is "
+            f"{self.interval / NANOSECONDS:.3g} s later, in {where}"
         )
 
 
@@ -44,6 +54,7 @@ def set_back(stamp: np.ndarray, log_time: np.ndarray) -> SetBack | None:
     return SetBack(
         times=int(np.count_nonzero(back)),
         largest=-int(steps.min()),
+        interval=int(np.median(steps)),
         behind=int(np.count_nonzero(stamp < np.maximum.accumulate(stamp))),
         total=len(stamp),
         logged=bool((np.diff(log_time)[back] < 0).any()),

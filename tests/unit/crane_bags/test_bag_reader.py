@@ -303,9 +303,9 @@ def test_messages_that_overtook_one_another_are_sorted(
     data, positions = read_stamps([10, 30, 20, 40], joint_state, write_bag)
     assert data.stamp.tolist() == [10, 20, 30, 40]
     assert positions == [0.0, 2.0, 1.0, 3.0]
-    assert data.set_back == SetBack(times=1, largest=10, behind=1, total=4, logged=False)
+    assert data.set_back == SetBack(1, largest=10, interval=20, behind=1, total=4, logged=False)
     (note,) = data.notes
-    assert note.startswith("/joint_states: time goes back 1 time, by up to 1e-08 s, in stamps")
+    assert note.startswith("/joint_states: time goes back 1 time, by up to 1e-08 s")
 
 
 @pytest.mark.parametrize("storage", StoragePlugin)
@@ -316,7 +316,7 @@ def test_time_that_goes_back_in_both_stamps_is_seen_in_the_order_of_the_file(
     stamps = [START + k * STEP - 7_000_000 * (k // 25) for k in range(200)]
     messages = [(stamp, joint_state(stamp, ["slew"], [0.0])) for stamp in stamps]
     back = joint_states(write_bag(messages, storage)).select(["slew"]).set_back
-    assert back == SetBack(times=7, largest=2_000_000, behind=7, total=200, logged=True)
+    assert back == SetBack(7, 2_000_000, interval=STEP, behind=7, total=200, logged=True)
 
 
 def test_log_time_where_no_header_is_stamped(joint_state: Serializer, write_bag: BagMaker) -> None:
