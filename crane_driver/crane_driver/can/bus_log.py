@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from crane_bags.clocks import LARGEST_JUMP, NANOSECONDS
 from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
 
@@ -31,6 +32,10 @@ class BusLog(ABC):
     others: int = 0  # frames of other channels
     damaged: int = 0  # lines that are not frames
     broken: str = ""  # why reading ended before the log did
+    set_back: int = 0  # times that a data frame is older than the one before it
+    furthest_back: int = 0  # ns, by which it is at most
+    behind: int = 0  # data frames older than one before them, though the clock was not set
+    newest: int = 0  # ns, stamp
 
     @abstractmethod
     def entries(self, on_bytes: Callable[[int], object]) -> Iterator[Entry]:
@@ -42,7 +47,9 @@ class BusLog(ABC):
         `on_bytes` is told how many bytes were read since the last time: progress.
         """
         self.lines = self.remote = self.errors = self.others = self.damaged = 0
+        self.set_back = self.furthest_back = self.behind = self.newest = 0
         self.broken = ""
+        previous = 0
         only = self.channel
         try:
             for entry in self.entries(on_bytes):
@@ -54,9 +61,31 @@ class BusLog(ABC):
                 elif entry.remote:
                     self.remote += 1
                 else:
+                    self._follow(previous, entry.frame.stamp)
+                    previous = entry.frame.stamp
                     yield entry.frame
         except OSError as error:
             raise DataError(f"{self.path}: cannot be read: {error.strerror}") from None
+
+    @property
+    def back_in_words(self) -> str:
+        """How time goes back in the log; empty if it does not."""
+        if not self.set_back:
+            return ""
+        return (
+            f"time goes back {self.set_back} times, by up to {self.furthest_back / NANOSECONDS:.3g}"
+            f" s; {self.behind} frames are older than one before them"
+        )
+
+    def _follow(self, previous: int, stamp: int) -> None:
+        """Count how time goes back; if by more than frames overtake one another, begin anew."""
+        if stamp < previous:
+            self.set_back += 1
+            self.furthest_back = max(self.furthest_back, previous - stamp)
+        if stamp < self.newest - LARGEST_JUMP:
+            self.newest = stamp
+        self.behind += stamp < self.newest
+        self.newest = max(self.newest, stamp)
 
     def _select(self, channel: str, only: str | None) -> str:
         if self.channel is None and only not in (None, channel):

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from crane_bags.clocks import LARGEST_JUMP
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
 from crane_bags.writer import BagWriter
 from crane_driver.can.assembly import Assembly, Complete
@@ -26,10 +27,9 @@ class LogBag:
 
     def __init__(self, bag: BagWriter, layout: Layout):
         self._driver, self._machine = DriverCodec(layout), MachineCodec(layout)
-        self._monitor: Monitor | None = None
+        self._monitor: Monitor | None
         self._layout = layout
-        self._positions = Assembly(layout, "positions")
-        self._pressures = Assembly(layout, "pressures")
+        self._begin()
         self._cylinders = list(
             dict.fromkeys(name.split(".")[0] for name in layout.pressures if name not in LINES)
         )
@@ -39,16 +39,22 @@ class LogBag:
             bag.add_arrays(CYLINDER_PRESSURES, self._cylinders) if self._cylinders else None
         )
         self._valve_command = bag.add_arrays(VALVE_COMMAND, layout.valves)
+        self._left_out = 0  # cycles, before time went back
         self.written: Counter[str] = Counter()  # messages by topic
         self.faults: Counter[tuple[str, str]] = Counter()  # by message and kind
 
     @property
     def incomplete(self) -> int:
         """Cycles of positions or pressures left out because one of their frames is not there."""
-        return self._positions.incomplete + self._pressures.incomplete
+        return self._left_out + self._positions.incomplete + self._pressures.incomplete
 
     def add(self, frame: Frame) -> None:
-        """Write what this frame completes."""
+        """Write what this frame completes; if time goes back, cycles begin anew."""
+        if frame.stamp < self._newest - LARGEST_JUMP:
+            self.finish()
+            self._left_out = self.incomplete
+            self._begin()
+        self._newest = max(self._newest, frame.stamp)
         if command := self._machine.decode(frame):
             self._count(command.faults)
             if not any(fault.kind in UNUSABLE for fault in command.faults):
@@ -61,6 +67,12 @@ class LogBag:
             self._count(faults)
             if not any(fault.kind in UNUSABLE for fault in faults):
                 self._readings(readings)
+
+    def _begin(self) -> None:
+        self._newest = 0  # ns
+        self._monitor = None
+        self._positions = Assembly(self._layout, "positions")
+        self._pressures = Assembly(self._layout, "pressures")
 
     def finish(self) -> None:
         """Write what still waits for other frames, of which no more come."""

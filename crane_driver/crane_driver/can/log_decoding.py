@@ -5,6 +5,7 @@ from pathlib import Path
 
 import polars as pl
 
+from crane_bags.clocks import MISORDERED
 from crane_bags.writer import BagWriter
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus_log import BusLog
@@ -56,6 +57,11 @@ def _write_bag(log: BusLog, table: LogTable, layout: Layout, path: Path) -> LogB
             bag = LogBag(writer, layout)
             _read(log, table, bag)
             bag.finish()
+            if log.behind > MISORDERED * table.frames:
+                raise DataError(
+                    f"{log.path}: {log.back_in_words}: samples of two moments would be mixed; "
+                    "record with one clock, or decode to a table"
+                )
             if not bag.written:
                 raise DataError(f"{log.path}: its frames make no message; is it of this machine?")
     except DataError:

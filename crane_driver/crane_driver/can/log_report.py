@@ -95,6 +95,8 @@ def _beside(log: BusLog) -> list[str]:
         "frames of other channels": log.others,
     }
     lines = [f"beside them {count} {what}" for what, count in counts.items() if count]
+    if log.set_back:
+        lines.append(log.back_in_words)
     if log.broken:
         lines.append(f"the log is damaged behind them, and was read no further: {log.broken}")
     return lines

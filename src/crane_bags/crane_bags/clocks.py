@@ -1,5 +1,7 @@
 """Clocks of publishers: which stamps cannot be what the clock of the recorder says."""
 
+import math
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +10,8 @@ NANOSECONDS = 1_000_000_000  # in a second
 LARGEST_JUMP = NANOSECONDS // 10
 """Between two messages that were received one right after the other, the stamps may jump by this
 much [ns]: a message may be late, or overtake another."""
+SAME = 1.0  # s, in which the stamps of several topics go back by one and the same step
+NEWS = 10.0  # s, for which it is told that time went back
 REGULAR = NANOSECONDS  # ns, over which the two clocks are compared to tell drift from steps
 FEW = 10  # so many of these make a recording at least, so that one with a step in it does not count
 
@@ -99,3 +103,39 @@ def _drift(stamp: np.ndarray, late: np.ndarray) -> np.ndarray:
         return np.zeros(len(stamp))
     rate = np.median((late[apart:] - late[:-apart])[forward] / elapsed[forward])
     return rate * since
+
+
+class TimeBack:
+    """Stamps of topics that go back: a clock was set, or a bag is played in a loop.
+
+    `times`: how often; `by` [s]: how far the last time.
+    """
+
+    def __init__(self) -> None:
+        self.times, self.by = 0, 0.0
+        self._newest: dict[str, int] = {}
+        self._last = -math.inf
+
+    def comes(self, topic: str, stamp: int) -> bool:
+        """Take the stamp [ns] of a message; return whether everything has to begin anew.
+
+        Messages may overtake one another by `LARGEST_JUMP`. What topics that lag still send from
+        before the step, is a step as well, but is not counted again.
+        """
+        newest = self._newest.get(topic, stamp)
+        if newest - stamp <= LARGEST_JUMP:
+            self._newest[topic] = max(newest, stamp)
+            return False
+        now = time.monotonic()
+        if now - self._last > SAME:
+            self.times += 1
+        self.by, self._last, self._newest = (newest - stamp) / NANOSECONDS, now, {topic: stamp}
+        return True
+
+    @property
+    def is_news(self) -> bool:
+        """Whether it happened within the last seconds."""
+        return time.monotonic() - self._last < NEWS
+
+    def __str__(self) -> str:
+        return f"time went back by {self.by:.1f} s: began anew"
