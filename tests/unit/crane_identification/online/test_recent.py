@@ -63,7 +63,7 @@ def test_time_that_goes_back_begins_anew() -> None:
     feed(watched, log, end=12.0)
     assert estimator.samples == once > 0
     assert watched.back.times == 1 and watched.back.is_news
-    assert str(watched.back).startswith("time went back by 7.0 s")
+    assert str(watched.back).startswith("time went back by 12.0 s")
 
 
 def test_messages_that_overtake_one_another_are_no_clock_that_is_set() -> None:
