@@ -26,7 +26,12 @@ def run(arguments: argparse.Namespace) -> None:
     model = load_model(arguments.model) if arguments.model else _usual(arguments.machine)
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     with ProgressBar() as progress:
-        options = Options(begin=arguments.begin, end=arguments.end, namespace=arguments.namespace)
+        options = Options(
+            begin=arguments.begin,
+            end=arguments.end,
+            namespace=arguments.namespace,
+            rate=arguments.rate,
+        )
         logs = Sources(model, columns, options, progress).read(arguments.recordings)
     checked = [check(model.machine, log) for log in logs]
     print("\n".join(line for one in checked for line in _lines(one)))

@@ -16,7 +16,9 @@ class Signal:
     `value` (n,) or (n, j) in SI units, NaN where nothing was measured; `origin` is the topic or
     the columns that they come from. `received` (n,) [s]: when the recorder received each sample,
     counted like `time` but on the clock of the recorder; None where that is not known. `set_back`:
-    how time went back in the order of arrival, before the samples were sorted.
+    how time went back in the order of arrival, before the samples were sorted. `columns`: where
+    each column comes from, if not all from `origin`. `resolution` (j,): of the sensors, if the
+    values were filtered; None: it shows in the values.
     """
 
     time: np.ndarray
@@ -24,6 +26,12 @@ class Signal:
     origin: str
     received: np.ndarray | None = None
     set_back: SetBack | None = None
+    columns: tuple[str, ...] = ()
+    resolution: np.ndarray | None = None
+
+    def column(self, j: int) -> str:
+        """Where column j comes from."""
+        return self.columns[j] if self.columns else self.origin
 
     def take(self, rows: np.ndarray) -> "Signal":
         """The samples `rows`."""

@@ -59,7 +59,8 @@ def mapped_log(
         kind = "" if column_map.of_topics else "column "
         shift = (base.start - start) / NANOSECONDS
         received = None if base.received is None else base.received + shift
-        return Signal(base.time + shift, value, f"{kind}{origin}", received, base.set_back)
+        columns = tuple(f"{kind}{one.label}" for one in series)
+        return Signal(base.time + shift, value, f"{kind}{origin}", received, base.set_back, columns)
 
     signals: dict[str, Any] = {}
     for quantity in of_joint[0].given():

@@ -1,18 +1,24 @@
 """From asynchronous signals to samples on one uniform time base."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.signals.motion import reading_resolution
 from crane_model.errors import DataError
 
 SHORTEST_RUN = 20  # samples; nothing can be smoothed or differentiated on less
 LARGEST_GAP = 0.1  # s, bridged; longer ones split a recording
 SPARSEST = 1000.0  # times as long as its samples can fill, no recording lasts
 LONGEST_COUNTED = 5  # median intervals; of longer ones nobody knows how many samples they are
+ORDER, PASS_BAND = 8, 0.8  # of the low-pass, the latter of half the rate behind it
+PADDING = 6 * ORDER  # samples
+SLOWER = 1.2  # times faster, at least, a signal must be to be filtered and slowed down
 MARGIN = 1e-9  # s, the resolution of stamps; times closer than this are the same
 REQUIRED = ("position", "force", "pressure_a", "pressure_b")
 INTERPOLATED = (
@@ -108,6 +114,55 @@ def resample(
         position=_by_column(_interpolated, required["position"], time, largest_gap),
         command=None if log.command is None else _by_column(_held, log.command, time, largest_gap),
         **{name: interpolated(name) for name in INTERPOLATED},
+    )
+
+
+def slowed(log: Log, rate: float | None) -> Log:
+    """`log` with its measured signals at `rate` [Hz], behind a low-pass against aliases.
+
+    Butterworth of order 8, run forwards and backwards, up to 0.8 of half the rate, the same for
+    positions and forces. Signals that are not faster stay as they are; so do commands, which
+    hold their value. What is missing for longer than `LARGEST_GAP` stays missing.
+    """
+    if rate is None:
+        return log
+    changed = {
+        name: _slowed(signal, rate)
+        for name in ("position", *INTERPOLATED[:7])
+        if (signal := getattr(log, name)) is not None
+    }
+    return replace(log, **changed)
+
+
+def _slowed(signal: Signal, rate: float) -> Signal:
+    fast = sampling_rate(signal.time)
+    if fast < SLOWER * rate:
+        return signal
+    sections = butter(ORDER, PASS_BAND * rate / fast, output="sos")
+    time = np.arange(np.ceil(signal.time[0] * rate), signal.time[-1] * rate + MARGIN) / rate
+    value = signal.value.reshape(len(signal.time), -1)
+    out = np.full((len(time), value.shape[1]), np.nan)
+    for into, column in zip(out.T, value.T, strict=True):
+        known = np.flatnonzero(np.isfinite(column))
+        breaks = np.flatnonzero(np.diff(signal.time[known]) > LARGEST_GAP + MARGIN) + 1
+        for rows in np.split(known, breaks):
+            begin, end = (signal.time[rows[0]], signal.time[rows[-1]]) if len(rows) else (0, 0)
+            even = np.arange(begin, end + MARGIN, 1.0 / fast)
+            if len(even) <= PADDING:
+                continue
+            smooth = sosfiltfilt(
+                sections, np.interp(even, signal.time[rows], column[rows]), padlen=PADDING
+            )
+            inside = (time >= even[0] - MARGIN) & (time <= even[-1] + MARGIN)
+            into[inside] = CubicSpline(even, smooth)(time[inside])
+    received = None if signal.received is None else np.interp(time, signal.time, signal.received)
+    finer = reading_resolution(value) * np.sqrt(rate / fast)
+    return replace(
+        signal,
+        time=time,
+        value=out.reshape(len(time), *signal.value.shape[1:]),
+        received=received,
+        resolution=finer,
     )
 
 

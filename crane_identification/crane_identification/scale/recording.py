@@ -9,6 +9,7 @@ from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.recording_log import read_recording
+from crane_identification.data.resample import slowed
 from crane_identification.estimation.covariance import correlated, white
 from crane_identification.estimation.lack_of_fit import lack_of_fit
 from crane_identification.estimation.regression import build_rows
@@ -21,7 +22,7 @@ from crane_model.model_file import Model
 def read(path: Path, model: Model, columns: ColumnMap | None, options: Options) -> Log:
     """The part of it that `options` name, without samples that are known to be bad."""
     log = read_recording(path, model.joints, columns, namespace=options.namespace)
-    return usable(log, options.begin, options.end)
+    return slowed(usable(log, options.begin, options.end), options.rate)
 
 
 def rows_of(preparations: Sequence[Preparation], model: Model, factor: int) -> Rows:
