@@ -65,6 +65,12 @@ POOR = 0.06  # of the force unexplained, from which on another wiring is tried
 BETTER = 2.5  # times less unexplained, if that was it
 UNEXPLAINED = 0.35  # of the force, which no machine of the kind leaves
 
+# forces of any machine
+ARM_BANDWIDTH = 10.0  # Hz
+
+SLOW = 0.05  # of a joint's highest speed; below, friction is anything between its branches
+SIGMAS = 3.0  # standard deviations by which friction and inertia are negative
+
 # delay of pressures behind positions
 LONGEST_DELAY = 1.5  # s
 DELAY_STEP = 0.05  # s
