@@ -35,7 +35,7 @@ ORDER = 4
 PADDING = 3 * ORDER
 TINY = float(np.finfo(float).tiny)
 TURNS = {"+90°": np.pi / 2, "-90°": -np.pi / 2, "180°": np.pi}  # that a zero may be off
-ROUNDS = 15  # of finding factors and parameters in turn
+ROUNDS = 1000  # of finding factors and parameters in turn
 SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
 
 
@@ -157,7 +157,8 @@ class _Fit:
         factor, force = np.ones(count), self.force
         own = np.bincount(self.joint, self.force**2, minlength=count)
         for _ in range(ROUNDS):
-            along = np.bincount(self.joint, basis.predicted(force) * self.force, minlength=count)
+            predicted = basis.q @ (basis.q.T @ force)  # whatever the signs, for speed
+            along = np.bincount(self.joint, predicted * self.force, minlength=count)
             factor = np.divide(along, own, out=np.ones(count), where=own > 0.0)
             factor /= np.sqrt(np.mean(factor**2))
             force = factor[self.joint] * self.force
@@ -173,7 +174,7 @@ class _Basis(NamedTuple):
 
     def predicted(self, force: np.ndarray) -> np.ndarray:
         """(N,) by the parameters that fit best, within their signs."""
-        found = lsq_linear(self.r, self.q.T @ force, bounds=(self.low, np.inf), method="bvls").x
+        found = lsq_linear(self.r, self.q.T @ force, bounds=(self.low, np.inf)).x
         return np.asarray(self.q @ (self.r @ found))
 
     def left(self, force: np.ndarray) -> float:
