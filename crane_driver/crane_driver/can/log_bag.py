@@ -28,6 +28,7 @@ class LogBag:
     def __init__(self, bag: BagWriter, layout: Layout):
         self._driver, self._machine = DriverCodec(layout), MachineCodec(layout)
         self._monitor: Monitor | None
+        self._newest: int  # ns
         self._layout = layout
         self._begin()
         self._cylinders = list(
@@ -69,7 +70,7 @@ class LogBag:
                 self._readings(readings)
 
     def _begin(self) -> None:
-        self._newest = 0  # ns
+        self._newest = 0
         self._monitor = None
         self._positions = Assembly(self._layout, "positions")
         self._pressures = Assembly(self._layout, "pressures")

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -126,7 +126,7 @@ def slowed(log: Log, rate: float | None) -> Log:
     """
     if rate is None:
         return log
-    changed = {
+    changed: dict[str, Any] = {
         name: _slowed(signal, rate)
         for name in ("position", *INTERPOLATED[:7])
         if (signal := getattr(log, name)) is not None

@@ -198,7 +198,9 @@ def _features(log: Log, signal: Signal, j: int, time: np.ndarray) -> np.ndarray:
         columns += [here, speed, np.tanh(4.0 * speed / rms) if rms else speed]
         columns += [here**2, ahead - 2.0 * here + behind]
     for other in (log.force, log.pressure_a, log.pressure_b):
-        for k in range(len(log.joints)) if other is not None else ():
+        if other is None:
+            continue
+        for k in range(len(log.joints)):
             known = np.isfinite(other.value[:, k])
             if (other is not signal or k != j) and known.any():
                 columns.append(np.interp(time, other.time[known], other.value[known, k]))

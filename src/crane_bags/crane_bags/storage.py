@@ -147,6 +147,7 @@ def _file_blocks(storage: Storage, topics: Collection[str]) -> Iterator[Block]:
         yield from chunk_blocks(Path(str(storage.path)), wanted)
     elif wanted:
         numbers = ",".join(map(str, wanted))
+        assert storage.dbconn is not None  # the storage is open
         rows = storage.dbconn.execute(
             f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({numbers}) "
             "ORDER BY id"  # rosbags sorts by log time, which hides a clock that goes back
