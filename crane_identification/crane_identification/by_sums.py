@@ -48,7 +48,11 @@ def identify_by_sums(
         )
         sources = Sources(model, columns, options, progress)
         held_out = sources.read(arguments.validate)
-        for warning in (*warnings, *result.suspicions, *vetted(model.machine, held_out, trusted)):
+        for warning in (
+            *warnings,
+            *result.suspicions,
+            *vetted(model.machine, held_out, trusted, model),
+        ):
             print(f"warning: {warning}", file=sys.stderr)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None

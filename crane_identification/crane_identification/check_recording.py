@@ -19,16 +19,24 @@ from crane_model.errors import DataError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
+from crane_model.terms import load_terms
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
+    if arguments.terms:
+        load_terms(arguments.terms)
     model = load_model(arguments.model) if arguments.model else _usual(arguments.machine)
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     with ProgressBar() as progress:
-        options = Options(begin=arguments.begin, end=arguments.end, namespace=arguments.namespace)
+        options = Options(
+            begin=arguments.begin,
+            end=arguments.end,
+            namespace=arguments.namespace,
+            rate=arguments.rate,
+        )
         logs = Sources(model, columns, options, progress).read(arguments.recordings)
-    checked = [check(model.machine, log) for log in logs]
+    checked = [check(model.machine, log, model) for log in logs]
     print("\n".join(line for one in checked for line in _lines(one)))
     if refused := [one.source for one in checked if one.decisive]:
         raise DataError(
@@ -44,12 +52,11 @@ def _usual(name: Path | None) -> Model:
 
 
 def _lines(checked: Checked) -> list[str]:
-    found = [(one.decisive, str(one)) for one in checked.suspicions]
-    looks = "wrong" if checked.decisive else "doubtful" if found else "right"
     return [
-        f"{checked.source}: looks {looks}",
-        *(f"  {'wrong' if decisive else 'doubtful'}: {text}" for decisive, text in found),
+        f"{checked.source}: looks {checked.verdict}",
+        *(f"  {'wrong' if one.decisive else 'doubtful'}: {one}" for one in checked.suspicions),
         *(f"  not checked: {what}" for what in checked.unchecked),
+        *(f"  note: {note}" for note in checked.notes),
     ]
 
 
@@ -69,6 +76,7 @@ def parser() -> argparse.ArgumentParser:
         help="machine: name, folder or file (default: the laboratory crane)",
     )
     machine.add_argument("--model", type=Path, help="model file; its machine and its joints")
+    add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
     add("--columns", type=Path, help="column map (YAML) of the tables")
     add_part(result)
     add("recordings", type=Path, nargs="+", metavar="RECORDING")

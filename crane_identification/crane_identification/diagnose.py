@@ -68,7 +68,9 @@ def run(arguments: argparse.Namespace) -> None:
         sources = Sources(model, columns, options, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
         refuse_copies((*training, *held_out))
-        suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
+        suspicions = vetted(
+            model.machine, (*training, *held_out), arguments.trust_recordings, model
+        )
         with blaming(suspicions):
             weighed_by = _with_values(model, training, options, progress)
             training, changes = split_by_load(weighed_by, training, options)

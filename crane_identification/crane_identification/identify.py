@@ -74,7 +74,7 @@ def identify(arguments: argparse.Namespace) -> None:
     with ProgressBar() as progress, ExitStack() as processes:
         sources = Sources(model, columns, options, progress)
         training = sources.read(arguments.train)
-        suspicions = vetted(model.machine, training, arguments.trust_recordings)
+        suspicions = vetted(model.machine, training, arguments.trust_recordings, model)
         # Most of the time: reading by reading, in their order, on a core of its own.
         replayed = (
             processes.enter_context(Beside(recursion, model, training))
@@ -83,7 +83,7 @@ def identify(arguments: argparse.Namespace) -> None:
         )
         held_out = sources.read(arguments.validate)
         refuse_copies((*training, *held_out))
-        suspicions += vetted(model.machine, held_out, arguments.trust_recordings)
+        suspicions += vetted(model.machine, held_out, arguments.trust_recordings, model)
         suspicions += lying(given, (*arguments.train, *arguments.validate), options.end)
         session = Session.of((*training, *held_out))
         with blaming(suspicions):

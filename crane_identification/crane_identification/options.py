@@ -35,7 +35,8 @@ class Options:
     """Choices of identification.
 
     Commands read of each recording what lies between `begin` and `end` [s from its start], and of a
-    bag the topics in `namespace` (None: the one that it holds); `fit` takes logs as they were read.
+    bag the topics in `namespace` (None: the one that it holds), behind a low-pass at `rate` [Hz]
+    (None: as recorded); `fit` takes logs as they were read.
     `motion` estimates velocity and acceleration (None: the best route for the kind of data). With
     `average`, whole periods are averaged (37)-(38): `period` [s] (None: found in the reference),
     the last `periods` of them (None: all behind the transient). Without, `trim` samples are cut
@@ -52,6 +53,7 @@ class Options:
     begin: float = 0.0
     end: float = math.inf
     namespace: str | None = None
+    rate: float | None = None
     motion: MotionEstimator | None = None
     average: bool = True
     period: float | None = None

@@ -27,7 +27,12 @@ def run(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
     model = load_model(arguments.model).of_machine()
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
-    options = Options(begin=arguments.begin, end=arguments.end, namespace=arguments.namespace)
+    options = Options(
+        begin=arguments.begin,
+        end=arguments.end,
+        namespace=arguments.namespace,
+        rate=arguments.rate,
+    )
     with ProgressBar() as progress:
         logs = Sources(model, columns, options, progress).read(arguments.bag)
     began = time.perf_counter()

@@ -11,6 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, cast
 
+from crane_bags.clocks import LARGEST_JUMP, NANOSECONDS
 from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
 
@@ -56,6 +57,10 @@ class BusLog(ABC):
     broken: str = ""  # why reading ended before the log did
     channels: Counter[str] = field(default_factory=Counter)  # frames by channel
     events: Counter[str] = field(default_factory=Counter)  # lines of other kinds, by kind
+    set_back: int = 0  # times that a data frame is older than the one before it
+    furthest_back: int = 0  # ns, by which it is at most
+    behind: int = 0  # data frames older than one before them, though the clock was not set
+    newest: int = 0  # ns, stamp
 
     @property
     def size(self) -> int:
@@ -79,9 +84,11 @@ class BusLog(ABC):
         `on_bytes` is told how many bytes were read since the last time: progress.
         """
         self.lines = self.remote = self.errors = self.others = self.damaged = self.lost_steps = 0
+        self.set_back = self.furthest_back = self.behind = self.newest = 0
         self.channels.clear()
         self.events.clear()
         self.broken = ""
+        previous = 0
         only = self.channel
         try:
             for entry in self.entries(on_bytes):
@@ -98,6 +105,8 @@ class BusLog(ABC):
                 else:
                     if entry.frame.stamp < EARLIEST:
                         self.clock = Clock.START
+                    self._follow(previous, entry.frame.stamp)
+                    previous = entry.frame.stamp
                     yield entry.frame
         except (EOFError, zlib.error) as error:  # compressed, and cut off or damaged
             self.broken = str(error)
@@ -109,6 +118,26 @@ class BusLog(ABC):
                 f"{self.path}: the log holds frames of channels {', '.join(names)} and {last}; "
                 f"say which one to read, for example --channel {names[0]}"
             )
+
+    @property
+    def back_in_words(self) -> str:
+        """How time goes back in the log; empty if it does not."""
+        if not self.set_back:
+            return ""
+        return (
+            f"time goes back {self.set_back} times, by up to {self.furthest_back / NANOSECONDS:.3g}"
+            f" s; {self.behind} frames are older than one before them"
+        )
+
+    def _follow(self, previous: int, stamp: int) -> None:
+        """Count how time goes back; if by more than frames overtake one another, begin anew."""
+        if stamp < previous:
+            self.set_back += 1
+            self.furthest_back = max(self.furthest_back, previous - stamp)
+        if stamp < self.newest - LARGEST_JUMP:
+            self.newest = stamp
+        self.behind += stamp < self.newest
+        self.newest = max(self.newest, stamp)
 
 
 def content(path: Path) -> BinaryIO:

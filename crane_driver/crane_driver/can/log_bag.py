@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from crane_bags.clocks import LARGEST_JUMP
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
 from crane_bags.writer import BagWriter
 from crane_driver.can.assembly import Assembly, Complete
@@ -27,10 +28,10 @@ class LogBag:
 
     def __init__(self, bag: BagWriter, layout: Layout):
         self._driver, self._machine = DriverCodec(layout), MachineCodec(layout)
-        self._monitor: Monitor | None = None
+        self._monitor: Monitor | None
+        self._newest: int  # ns
         self._layout = layout
-        self._positions = Assembly(layout, "positions")
-        self._pressures = Assembly(layout, "pressures")
+        self._begin()
         self._cylinders = list(
             dict.fromkeys(name.split(".")[0] for name in layout.pressures if name not in LINES)
         )
@@ -40,13 +41,14 @@ class LogBag:
             bag.add_arrays(CYLINDER_PRESSURES, self._cylinders) if self._cylinders else None
         )
         self._valve_command = bag.add_arrays(VALVE_COMMAND, layout.valves)
+        self._left_out = 0  # cycles, before time went back
         self.written: Counter[str] = Counter()  # messages by topic
         self.faults: Counter[tuple[str, str]] = Counter()  # by message and kind
 
     @property
     def incomplete(self) -> int:
         """Cycles of positions or pressures left out because one of their frames is not there."""
-        return self._positions.incomplete + self._pressures.incomplete
+        return self._left_out + self._positions.incomplete + self._pressures.incomplete
 
     @property
     def unused(self) -> Mapping[tuple[int, bool], int]:
@@ -54,7 +56,15 @@ class LogBag:
         return self._driver.unknown
 
     def add(self, frame: Frame) -> None:
-        """Write what this frame completes; `DataError` if two devices send one message."""
+        """Write what this frame completes; if time goes back, cycles begin anew.
+
+        `DataError` if two devices send one message.
+        """
+        if frame.stamp < self._newest - LARGEST_JUMP:
+            self.finish()
+            self._left_out = self.incomplete
+            self._begin()
+        self._newest = max(self._newest, frame.stamp)
         if command := self._machine.decode(frame):
             self._count(command.faults)
             if not any(fault.kind in UNUSABLE for fault in command.faults):
@@ -72,6 +82,12 @@ class LogBag:
                 f"message {message}: {first} and {second} both send it, and the DBC names neither; "
                 "write the id of the device that is meant into the DBC, or each as a message"
             )
+
+    def _begin(self) -> None:
+        self._newest = 0
+        self._monitor = None
+        self._positions = Assembly(self._layout, "positions")
+        self._pressures = Assembly(self._layout, "pressures")
 
     def finish(self) -> None:
         """Write what still waits for other frames, of which no more come."""

@@ -6,6 +6,7 @@ from datetime import tzinfo
 from importlib import import_module
 from pathlib import Path
 
+from crane_bags.clocks import MISORDERED
 from crane_bags.writer import BagWriter
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus_log import BusLog, Clock
@@ -75,6 +76,11 @@ def _write_bag(log: BusLog, table: LogTable, layout: Layout, path: Path) -> LogB
             bag = LogBag(writer, layout)
             _read(log, table, bag)
             bag.finish()
+            if log.behind > MISORDERED * table.frames:
+                raise DataError(
+                    f"{log.path}: {log.back_in_words}: samples of two moments would be mixed; "
+                    "record with one clock, or decode to a table"
+                )
             if not bag.written:
                 reasons = "; ".join(_not_taken(table, bag, layout))
                 raise DataError(

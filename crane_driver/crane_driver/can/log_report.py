@@ -122,6 +122,8 @@ def _about_stamps(log: BusLog) -> list[str]:
             f"stamps are relative, and {log.lost_steps} damaged lines hold none: all behind such a "
             "line is too early by what it held"
         )
+    if log.set_back:
+        lines.append(log.back_in_words)
     if log.broken:
         lines.append(f"the log is damaged behind them, and was read no further: {log.broken}")
     return lines

@@ -13,6 +13,7 @@ from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.recording_log import read_recording
+from crane_identification.data.resample import slowed
 from crane_identification.options import Options
 from crane_model.arguments import above, between
 from crane_model.errors import DataError
@@ -36,7 +37,7 @@ class Sources:
             read_recording(path, joints, self.columns, self.progress, options.namespace)
             for path in paths
         )
-        return tuple(usable(log, options.begin, options.end) for log in logs)
+        return tuple(slowed(usable(log, options.begin, options.end), options.rate) for log in logs)
 
 
 def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) -> None:
@@ -101,6 +102,13 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         help="leave out what comes behind, counted alike",
     )
     parser.add_argument(
+        "--rate",
+        type=above(0.0),
+        metavar="HZ",
+        help="rate to which faster signals are slowed down, behind a low-pass against aliases "
+        "(default: as recorded)",
+    )
+    parser.add_argument(
         "--namespace",
         type=lambda text: "/" + text.strip("/"),
         help="of the crane, such as /left, where a bag holds several",
@@ -130,6 +138,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         begin=arguments.begin,
         end=arguments.end,
         namespace=arguments.namespace,
+        rate=arguments.rate,
         average=arguments.average,
         period=arguments.period,
     )

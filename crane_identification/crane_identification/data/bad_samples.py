@@ -1,7 +1,9 @@
 """Samples that cannot be what was measured: nothing that is plausible leads there and back.
 
 A sample is judged by the velocities before and after it, against the noise around it, the noise of
-the whole recording, and one step of the sensor. What leaves the motion and comes back to it within
+the whole recording, one step of the sensor where it reads as much (numbers of five digits have
+larger steps where they are larger), and how far the joint goes while stamps are off, or while a
+state is sent again. What leaves the motion and comes back to it within
 the time that may be bridged is taken out; what leaves it for good is refused.
 """
 
@@ -11,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import LARGEST_GAP
@@ -20,6 +23,13 @@ COUNTS = 4.0  # steps of the sensor that quantisation never makes
 NOISE = 8.0  # times the 0.75 quantile of all jumps, ...
 AROUND = 10.0  # ... or times the median of those around
 NEIGHBOURS = 25  # samples before and behind, that are around
+BENT = 5.0  # times the median change of velocity around, which vibrations have everywhere
+LATE = 95  # percentile of how far stamps are off, and of how often a state is sent again
+TWICE = 2.0  # times as far as the joint goes meanwhile: it catches up behind
+HELD_COUNTS = 2.0  # steps that the joint goes on, if a reading that stays was sent again
+OFTEN = 0.005  # share of samples that were sent again, from which on it is a habit of the sender
+STRIDE = 5  # samples, over which a speed is measured that single bad ones do not spoil
+FEWEST_LEVELS = 10  # readings of one order of magnitude that show its step
 ACCELERATION = 10.0  # times what the joint reaches over LARGEST_GAP for a hundredth of the time
 SHOCK = 0.3  # of its range, to which a pressure or a force may really jump, and back
 FASTER = 10.0  # than everything else in the recording: no machine does that
@@ -51,7 +61,7 @@ def usable(log: Log, begin: float = 0.0, end: float = math.inf) -> Log:
         value = signal.value.copy()
         inside = (signal.time >= begin) & (signal.time <= end)
         for j, joint in enumerate(log.joints):
-            what = f"{name.replace('_', ' ')} of {joint} ({signal.origin})"
+            what = f"{name.replace('_', ' ')} of {joint} ({signal.column(j)})"
             finite = np.isfinite(value[:, j])
             if absent := int(np.count_nonzero(inside & ~finite)):
                 notes.append(f"{what}: {_samples(absent)} without a number")
@@ -105,13 +115,26 @@ def _examine(time: np.ndarray, value: np.ndarray, moves: bool) -> _Found:
     """One column (n,) at times (n,) [s]; `moves`: a position, whose speed is bounded."""
     interval, size = np.diff(time), np.abs(_jumps(time, value))
     low, high = np.quantile(value, [0.01, 0.99])
-    usual = max(COUNTS * _resolution(value), NOISE * float(np.quantile(size, 0.75)))
-    limit = np.full(len(size), usual if moves else max(usual, SHOCK * (high - low)))
+    noise = NOISE * float(np.quantile(size, 0.75))
+    steps = _steps(value)
+    limit = np.maximum(COUNTS * steps, noise)
+    if moves:
+        speed = _speed(time, value)
+        unread = (np.diff(value) == 0.0) & (speed * interval > HELD_COUNTS * steps)
+        limit += TWICE * _astray(interval, unread) * speed
+    else:
+        limit = np.maximum(limit, SHOCK * (high - low))
     suspects = size > limit
     limit += ACCELERATION * _acceleration(time, value, suspects) * interval**2
     suspects &= size > limit
+    bend = np.abs(np.diff(np.diff(value) / interval, prepend=0.0)) * interval
     for k in np.flatnonzero(suspects).tolist():
-        limit[k] = max(limit[k], AROUND * float(np.median(size[_near(k, len(size))])))
+        near = _near(k, len(size))
+        limit[k] = max(
+            limit[k],
+            AROUND * float(np.median(size[near])),
+            BENT * float(np.median(bend[near])),
+        )
     jumps = np.flatnonzero(size > limit) + 1
     bad = np.zeros(len(value), dtype=bool)
     left = []
@@ -145,12 +168,44 @@ def _near(k: int, count: int) -> slice:
     return slice(max(k - NEIGHBOURS, 0), min(k + NEIGHBOURS + 1, count))
 
 
-def _resolution(value: np.ndarray) -> float:
-    """Smallest step between readings in the middle of all of them."""
+def _steps(value: np.ndarray) -> np.ndarray:
+    """(n - 1,) smallest step between readings as large as those of each pair, from n readings.
+
+    A table of so many digits has another step in each order of magnitude.
+    """
     low, high = np.quantile(value, [0.01, 0.99])
-    steps = np.diff(np.unique(value[(value >= low) & (value <= high)]))
-    steps = steps[steps > 1e-9 * (high - low)]
-    return float(steps.min()) if len(steps) else 0.0
+    usual = (value >= low) & (value <= high)
+    order = np.floor(np.log10(np.maximum(np.abs(value), np.finfo(float).tiny)))
+    steps = np.full(len(value), np.nan)
+    for one in np.unique(order[usual]):
+        inside = order == one
+        levels = np.unique(value[usual & inside])
+        gaps = np.diff(levels)
+        gaps = gaps[gaps > 1e-9 * (high - low)]
+        if len(levels) >= FEWEST_LEVELS and len(gaps):
+            steps[inside] = gaps.min()
+    smallest = float(np.nanmin(steps)) if np.isfinite(steps).any() else 0.0
+    steps = np.where(np.isnan(steps), smallest, steps)
+    return np.maximum(steps[1:], steps[:-1])
+
+
+def _astray(interval: np.ndarray, unread: np.ndarray) -> float:
+    """How far [s] a sample may be from its time: stamps are off, or a state is sent again, which
+    is `unread` (n - 1,).
+    """
+    usual = float(np.median(interval))
+    off = float(np.percentile(np.abs(interval - usual), LATE))
+    edges = np.flatnonzero(np.diff(unread, prepend=False, append=False))
+    runs = edges[1::2] - edges[::2]
+    again = float(np.percentile(runs, LATE)) if len(runs) > OFTEN * len(interval) else 0.0
+    return off + usual * again
+
+
+def _speed(time: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """(n - 1,) median speed around each pair of samples."""
+    gone = np.abs(value[STRIDE:] - value[:-STRIDE]) / (time[STRIDE:] - time[:-STRIDE])
+    around = median_filter(gone, 2 * NEIGHBOURS + 1)
+    return around[(np.arange(len(value) - 1) - STRIDE // 2).clip(0, len(around) - 1)]
 
 
 def _jumps(time: np.ndarray, value: np.ndarray) -> np.ndarray:

@@ -60,7 +60,8 @@ def read_bag(
     def signal(data: TopicData, field: str) -> Signal:
         time, received = (data.stamp - start) / NANOSECONDS, (data.log_time - start) / NANOSECONDS
         known = data.stamped_by == "header"  # else the stamps are the log times
-        return Signal(time, data.fields[field], data.topic, received if known else None)
+        by_recorder = received if known else None
+        return Signal(time, data.fields[field], data.topic, by_recorder, data.set_back)
 
     def signal_if_any(data: TopicData | None, field: str) -> Signal | None:
         if data is None or np.isnan(data.fields[field]).all():
@@ -91,6 +92,7 @@ def read_bag(
             for topic, data in zip(may_lack, (pressures, command, reference), strict=True)
             if data is None
         ),
+        unstamped=tuple(data.topic for data in used if data.stamped_by == "log time"),
         notes=(*(note for data in used for note in data.notes), *effort),
     )
 

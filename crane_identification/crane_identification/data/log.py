@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from crane_bags.clocks import SetBack
 from crane_model.errors import DataError
 
 
@@ -14,18 +15,28 @@ class Signal:
     """Samples of quantities that were measured together: `time` (n,) [s] strictly increasing,
     `value` (n,) or (n, j) in SI units, NaN where nothing was measured; `origin` is the topic or
     the columns that they come from. `received` (n,) [s]: when the recorder received each sample,
-    counted like `time` but on the clock of the recorder; None where that is not known.
+    counted like `time` but on the clock of the recorder; None where that is not known. `set_back`:
+    how time went back in the order of arrival, before the samples were sorted. `columns`: where
+    each column comes from, if not all from `origin`. `resolution` (j,): of the sensors, if the
+    values were filtered; None: it shows in the values.
     """
 
     time: np.ndarray
     value: np.ndarray
     origin: str
     received: np.ndarray | None = None
+    set_back: SetBack | None = None
+    columns: tuple[str, ...] = ()
+    resolution: np.ndarray | None = None
+
+    def column(self, j: int) -> str:
+        """Where column j comes from."""
+        return self.columns[j] if self.columns else self.origin
 
     def take(self, rows: np.ndarray) -> "Signal":
         """The samples `rows`."""
         received = None if self.received is None else self.received[rows]
-        return Signal(self.time[rows], self.value[rows], self.origin, received)
+        return replace(self, time=self.time[rows], value=self.value[rows], received=received)
 
 
 @dataclass(frozen=True)
@@ -34,7 +45,8 @@ class Log:
 
     Time zero is the first position of the recording, `start` [ns] on its clock. `missing` names the
     topics or quantities that are not there, `notes` what had to be mended, `uncalibrated` the
-    quantities that are in counts of their sensors instead of SI units.
+    quantities that are in counts of their sensors instead of SI units, `unstamped` the topics whose
+    messages hold no usable stamp, so that the times are those of the recorder.
 
     >>> time = np.linspace(0.0, 4.0, 5)
     >>> log = Log("made", ("axis",), 0, Signal(time, np.zeros((5, 1)), "made"))
@@ -62,6 +74,7 @@ class Log:
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     uncalibrated: tuple[str, ...] = ()
+    unstamped: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:

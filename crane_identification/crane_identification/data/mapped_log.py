@@ -1,13 +1,13 @@
 """From the numbers of a recording and its column map to a log."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from crane_bags.clocks import NANOSECONDS
+from crane_bags.clocks import NANOSECONDS, SetBack
 from crane_identification.data.column_map import ColumnMap, JointSources
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.sources import Cell, Source
@@ -24,6 +24,8 @@ class Stream:
     start: int  # ns, first stamp
     time: np.ndarray  # (n,) s since `start`, strictly increasing
     numbers: Mapping[Cell, np.ndarray]  # (n,) each
+    received: np.ndarray | None = None  # (n,) s since `start`, on the clock of the recorder
+    set_back: SetBack | None = None
 
 
 class _Series(NamedTuple):
@@ -40,6 +42,7 @@ def mapped_log(
     joints: Sequence[str],
     streams: Mapping[str, Stream],
     notes: Sequence[str] = (),
+    unstamped: Sequence[str] = (),
 ) -> Log:
     """The signals of `joints`, out of the streams that `Reading.stream` names.
 
@@ -54,7 +57,10 @@ def mapped_log(
         value = np.column_stack([_at(base, one) for one in series])
         origin = ", ".join(one.label for one in series)
         kind = "" if column_map.of_topics else "column "
-        return Signal(base.time + (base.start - start) / NANOSECONDS, value, f"{kind}{origin}")
+        shift = (base.start - start) / NANOSECONDS
+        received = None if base.received is None else base.received + shift
+        columns = tuple(f"{kind}{one.label}" for one in series)
+        return Signal(base.time + shift, value, f"{kind}{origin}", received, base.set_back, columns)
 
     signals: dict[str, Any] = {}
     for quantity in of_joint[0].given():
@@ -63,7 +69,7 @@ def mapped_log(
         signals["force"] = signal([_cylinder_force(streams, one) for one in of_joint])
     for quantity, source in shared.items():
         column = signal([_series(streams, source)])
-        signals[quantity] = Signal(column.time, column.value[:, 0], column.origin)
+        signals[quantity] = replace(column, value=column.value[:, 0])
     raw = _uncalibrated(joints, of_joint, shared)
     counts = (f"{', '.join(raw)}: in counts, and so is what follows from them",) if raw else ()
     return Log(
@@ -72,6 +78,7 @@ def mapped_log(
         start=start,
         notes=(*notes, *counts),
         uncalibrated=raw,
+        unstamped=tuple(unstamped),
         **signals,
     )
 

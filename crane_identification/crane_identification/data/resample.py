@@ -1,18 +1,24 @@
 """From asynchronous signals to samples on one uniform time base."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.signals.motion import reading_resolution
 from crane_model.errors import DataError
 
 SHORTEST_RUN = 20  # samples; nothing can be smoothed or differentiated on less
 LARGEST_GAP = 0.1  # s, bridged; longer ones split a recording
 SPARSEST = 1000.0  # times as long as its samples can fill, no recording lasts
 LONGEST_COUNTED = 5  # median intervals; of longer ones nobody knows how many samples they are
+ORDER, PASS_BAND = 8, 0.8  # of the low-pass, the latter of half the rate behind it
+PADDING = 6 * ORDER  # samples
+SLOWER = 1.2  # times faster, at least, a signal must be to be filtered and slowed down
 MARGIN = 1e-9  # s, the resolution of stamps; times closer than this are the same
 REQUIRED = ("position", "force", "pressure_a", "pressure_b")
 INTERPOLATED = (
@@ -111,6 +117,55 @@ def resample(
     )
 
 
+def slowed(log: Log, rate: float | None) -> Log:
+    """`log` with its measured signals at `rate` [Hz], behind a low-pass against aliases.
+
+    Butterworth of order 8, run forwards and backwards, up to 0.8 of half the rate, the same for
+    positions and forces. Signals that are not faster stay as they are; so do commands, which
+    hold their value. What is missing for longer than `LARGEST_GAP` stays missing.
+    """
+    if rate is None:
+        return log
+    changed: dict[str, Any] = {
+        name: _slowed(signal, rate)
+        for name in ("position", *INTERPOLATED[:7])
+        if (signal := getattr(log, name)) is not None
+    }
+    return replace(log, **changed)
+
+
+def _slowed(signal: Signal, rate: float) -> Signal:
+    fast = sampling_rate(signal.time)
+    if fast < SLOWER * rate:
+        return signal
+    sections = butter(ORDER, PASS_BAND * rate / fast, output="sos")
+    time = np.arange(np.ceil(signal.time[0] * rate), signal.time[-1] * rate + MARGIN) / rate
+    value = signal.value.reshape(len(signal.time), -1)
+    out = np.full((len(time), value.shape[1]), np.nan)
+    for into, column in zip(out.T, value.T, strict=True):
+        known = np.flatnonzero(np.isfinite(column))
+        breaks = np.flatnonzero(np.diff(signal.time[known]) > LARGEST_GAP + MARGIN) + 1
+        for rows in np.split(known, breaks):
+            begin, end = (signal.time[rows[0]], signal.time[rows[-1]]) if len(rows) else (0, 0)
+            even = np.arange(begin, end + MARGIN, 1.0 / fast)
+            if len(even) <= PADDING:
+                continue
+            smooth = sosfiltfilt(
+                sections, np.interp(even, signal.time[rows], column[rows]), padlen=PADDING
+            )
+            inside = (time >= even[0] - MARGIN) & (time <= even[-1] + MARGIN)
+            into[inside] = CubicSpline(even, smooth)(time[inside])
+    received = None if signal.received is None else np.interp(time, signal.time, signal.received)
+    finer = reading_resolution(value) * np.sqrt(rate / fast)
+    return replace(
+        signal,
+        time=time,
+        value=out.reshape(len(time), *signal.value.shape[1:]),
+        received=received,
+        resolution=finer,
+    )
+
+
 def sampling_rate(time: np.ndarray) -> float:
     """Rate [Hz] of stamps (n,) that jitter and have gaps, from their median interval.
 
@@ -149,6 +204,17 @@ def measured(log: Log, signal: Signal, largest_gap: float = LARGEST_GAP) -> Sign
             "--from and --to"
         )
     return Signal(time, value[complete], signal.origin)
+
+
+def interruptions(signal: Signal, largest_gap: float = LARGEST_GAP) -> np.ndarray:
+    """(k, 2) begin and length [s] of each gap of a signal that `resample` does not bridge."""
+    value = signal.value.reshape(len(signal.time), -1).copy()
+    for column in value.T:
+        _bridge(signal.time, column, largest_gap)
+    time = signal.time[np.isfinite(value).all(axis=1)]
+    length = np.diff(time)
+    long = length > largest_gap + MARGIN
+    return np.column_stack([time[:-1][long], length[long]])
 
 
 def _bridge(time: np.ndarray, column: np.ndarray, largest_gap: float) -> None:

@@ -29,8 +29,11 @@ def read_mapped_bag(
     found = read_fields(path, wanted, column_map.types, progress)
     streams = {}
     for topic, data in found.items():
-        start = int(data.stamp[0])
+        start, known = int(data.stamp[0]), data.stamped_by == "header"
+        received = (data.log_time - start) / NANOSECONDS if known else None
         numbers = {cell: data.fields[str(Place(*cell))] for cell in cells[topic]}
-        streams[topic] = Stream(start, (data.stamp - start) / NANOSECONDS, numbers)
+        time = (data.stamp - start) / NANOSECONDS
+        streams[topic] = Stream(start, time, numbers, received, data.set_back)
     notes = [note for data in found.values() for note in data.notes]
-    return mapped_log(path, column_map, joints, streams, notes)
+    unstamped = [topic for topic, data in found.items() if data.stamped_by == "log time"]
+    return mapped_log(path, column_map, joints, streams, notes, unstamped)

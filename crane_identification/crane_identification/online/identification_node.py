@@ -10,7 +10,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from crane_bags.clocks import NANOSECONDS
+from crane_bags.clocks import NANOSECONDS, TimeBack
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.condition import Condition, recording, status
 from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
@@ -30,7 +30,7 @@ from crane_model.model_file import load_model, save_model
 from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.names import full_name
-from crane_nodes.node_time import NodeTime, Pacing
+from crane_nodes.node_time import NodeTime, Pacing, tell_back
 from crane_nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
@@ -116,6 +116,8 @@ class Identification(LifecycleNode):
         declare(self, PARAMETERS, read_only=(AUTOSTART, MACHINE))
         self._estimator: OnlineEstimator | None = None
         self._recent: Recent | None = None
+        self._back = TimeBack()
+        self._set_backs = 0  # that were told
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
         hold(self, fixed, lambda: "configured" if self._estimator else "unconfigured")
         self._second = -1  # of the data, in which the estimate was published
@@ -154,7 +156,9 @@ class Identification(LifecycleNode):
             file = machine_file("model.yaml", options.machine, MODEL.read(self))
             estimator = OnlineEstimator(load_model(file).of_machine(), options)
             recent = Recent(estimator.model.machine, estimator.model.joints)
-            self._listeners = self._listeners_of(Watched(estimator, recent))
+            watched = Watched(estimator, recent)
+            self._listeners = self._listeners_of(watched)
+            self._back, self._set_backs = watched.back, 0
             self._estimator, self._recent = estimator, recent
         except CraneError as error:
             self.get_logger().error(str(error))
@@ -212,6 +216,9 @@ class Identification(LifecycleNode):
                     self.get_logger().error(str(error))
                 return
             self._condition.well(listener.topic)
+            if self._back.times != self._set_backs:
+                self._set_backs = self._back.times
+                self.get_logger().warning(str(self._back))
             assert self._estimator is not None
             for one in forces:
                 self._forces.publish(forces_message(self._estimator.model.joints, one))
@@ -239,6 +246,7 @@ class Identification(LifecycleNode):
         found = status(
             full_name(self), self._condition, self._estimator, solution, self._time.now()
         )
+        tell_back(self._back, found)
         if self._recent is not None:
             self._recent.check()
         checked = recording(full_name(self), self._recent.found if self._recent else None)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crane_bags.clocks import NANOSECONDS
+from crane_bags.clocks import NANOSECONDS, TimeBack
 from crane_identification.data.log import Log, Signal
 from crane_identification.online.estimator import Forces, OnlineEstimator
 from crane_identification.recording_check.check import check
@@ -35,6 +35,12 @@ class Recent:
         """Chamber pressures (j,) [Pa gauge]."""
         _keep(self._pressures, stamp, np.concatenate([chamber_a, chamber_b]))
 
+    def forget(self) -> None:
+        """Begin anew."""
+        self._positions.clear()
+        self._pressures.clear()
+        self._checked, self.found = 0, None
+
     def check(self) -> None:
         """Look at what is there, if enough of it is new; `found` holds the result."""
         seconds = [
@@ -63,14 +69,19 @@ class Recent:
 
 
 class Watched:
-    """An estimator whose readings are kept for the check, too."""
+    """An estimator whose readings are kept for the check, too.
+
+    If the stamps of a stream go back, both begin anew: the same data would count twice.
+    """
 
     def __init__(self, estimator: OnlineEstimator, recent: Recent):
         self._estimator, self._recent = estimator, recent
+        self.back = TimeBack()
         self.model, self.options = estimator.model, estimator.options
 
     def add_position(self, stamp: int, position: np.ndarray) -> list[Forces]:
         """As `OnlineEstimator.add_position`, which it goes on to."""
+        self._arrives("positions", stamp)
         self._recent.add_position(stamp, position)
         return self._estimator.add_position(stamp, position)
 
@@ -78,8 +89,14 @@ class Watched:
         self, stamp: int, chamber_a: np.ndarray, chamber_b: np.ndarray
     ) -> list[Forces]:
         """As `OnlineEstimator.add_pressure`, which it goes on to."""
+        self._arrives("pressures", stamp)
         self._recent.add_pressure(stamp, chamber_a, chamber_b)
         return self._estimator.add_pressure(stamp, chamber_a, chamber_b)
+
+    def _arrives(self, stream: str, stamp: int) -> None:
+        if self.back.comes(stream, stamp):
+            self._recent.forget()
+            self._estimator.reset()
 
 
 def _keep(queue: deque[tuple[int, np.ndarray]], stamp: int, values: np.ndarray) -> None:

@@ -106,7 +106,12 @@ def resolution_of(log: Log) -> np.ndarray:
     """Encoder resolution (coordinates,) of the readings as they were logged."""
     signals = [log.position] if log.slew_position is None else [log.position, log.slew_position]
     return np.concatenate(
-        [encoder_resolution(signal.value.reshape(len(signal.time), -1)) for signal in signals]
+        [
+            encoder_resolution(signal.value.reshape(len(signal.time), -1))
+            if signal.resolution is None
+            else signal.resolution
+            for signal in signals
+        ]
     )
 
 

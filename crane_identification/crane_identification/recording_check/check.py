@@ -3,33 +3,37 @@
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
-import numpy as np
-
-from crane_identification.data.log import Log, Signal
-from crane_identification.data.resample import SHORTEST_RUN
+from crane_identification.data.log import Log
+from crane_identification.recording_check.arm import Moved, arm, signs
 from crane_identification.recording_check.clocks import clocks
 from crane_identification.recording_check.grid import grid
 from crane_identification.recording_check.positions import positions
 from crane_identification.recording_check.pressures import pressures
-from crane_identification.recording_check.sampling import sampling
+from crane_identification.recording_check.sampling import missing, sampling
 from crane_identification.recording_check.suspicion import Checked, Suspicion
 from crane_identification.recording_check.transducers import transducers
 from crane_identification.recording_check.wiring import wiring
-from crane_model.errors import DataError, RangeError
+from crane_model.errors import ConfigurationError, DataError, RangeError
 from crane_model.machine import Machine
+from crane_model.model_file import Model
 
 
-def check(machine: Machine | None, log: Log) -> Checked:
+def check(machine: Machine | None, log: Log, model: Model | None = None) -> Checked:
     """What looks wrong in a recording, and what could not be looked at.
+
+    The forces of a machine that is no crane as of the report are compared with the user's `model`.
 
     Sensors first, one by one; only if none of them makes every result wrong, forces, which would
     repeat it in other words. Never raises what the fit will say better.
     """
-    if min(_samples(signal, log) for signal in _measured(log)) < SHORTEST_RUN:
-        return _result(log, (), f"fewer than {SHORTEST_RUN} samples of each joint")
-    found: list[Suspicion] = [*clocks(log), *transducers(log)]
+    absent = list(missing(log))
+    if any(one.decisive for one in absent):
+        return _result(log, absent, "all else: there is too little to look at")
+    found: list[Suspicion] = [*absent, *clocks(log), *transducers(log)]
     if machine is None:
-        return _result(log, found, "limits, pressures, forces: the model has no machine")
+        looked, reasons = _forces(log, model)
+        reasons = ("limits, pressures: the model has no machine", *reasons)
+        return _result(log, [*found, *looked], *reasons)
     found += sampling(log)
     if log.uncalibrated:
         reason = f"limits, pressures, forces: {', '.join(log.uncalibrated)} in counts"
@@ -38,10 +42,11 @@ def check(machine: Machine | None, log: Log) -> Checked:
     if any(one.decisive for one in found):
         return _result(log, found, "forces: what is wrong above would show there again")
     if machine.planar is None:
-        return _result(log, found, "forces: what is plausible is known of cranes as of the report")
+        looked, reasons = _forces(log, model)
+        return _result(log, [*found, *looked], *reasons)
     joints = machine.planar.joints
-    if missing := [joint for joint in joints if joint not in log.joints]:
-        return _result(log, found, f"forces: the model lacks {', '.join(missing)}")
+    if lacking := [joint for joint in joints if joint not in log.joints]:
+        return _result(log, found, f"forces: the model lacks {', '.join(lacking)}")
     if log.force is None and (log.pressure_a is None or log.pressure_b is None):
         return _result(log, found, "forces: neither pressures nor forces were recorded")
     try:
@@ -51,12 +56,26 @@ def check(machine: Machine | None, log: Log) -> Checked:
     return _result(log, found)
 
 
-def vetted(machine: Machine | None, logs: Iterable[Log], trusted: bool) -> tuple[str, ...]:
+def _forces(log: Log, model: Model | None) -> tuple[list[Suspicion], tuple[str, ...]]:
+    """What the forces of any machine say, and why nothing could be compared."""
+    try:
+        moved = Moved.of(log, model)
+        found = list(signs(moved))
+        if model is None or model.joints != log.joints:
+            return found, ("forces: no model of this machine is given (--model)",)
+        return found or list(arm(model, moved)), ()
+    except (DataError, RangeError, ConfigurationError) as error:
+        return [], (f"forces: {error}",)
+
+
+def vetted(
+    machine: Machine | None, logs: Iterable[Log], trusted: bool, model: Model | None = None
+) -> tuple[str, ...]:
     """Suspicions of recordings, as warnings; `DataError` with the decisive ones, unless `trusted`.
 
     The option that trusts a recording is --trust-recordings.
     """
-    checked = [check(machine, log) for log in logs]
+    checked = [check(machine, log, model) for log in logs]
     refused = [f"{one.source}: {wrong}" for one in checked for wrong in one.decisive]
     if refused and not trusted:
         raise DataError(
@@ -77,14 +96,10 @@ def blaming(suspicions: Sequence[str]) -> Iterator[None]:
         raise DataError("\n".join([f"{error}", "Suspicious before:", *suspicions])) from error
 
 
-def _measured(log: Log) -> list[Signal]:
-    return [one for one in (log.position, log.force, log.pressure_a, log.pressure_b) if one]
-
-
-def _samples(signal: Signal, log: Log) -> int:
-    """At which all joints were measured."""
-    return int(np.isfinite(signal.value.reshape(-1, len(log.joints))).all(axis=1).sum())
-
-
 def _result(log: Log, found: Iterable[Suspicion], *unchecked: str) -> Checked:
-    return Checked(log.source, tuple(found), unchecked)
+    unstamped = (
+        f"the clock of {topic}: its messages hold no usable stamp, and the times are those of the "
+        "recorder"
+        for topic in log.unstamped
+    )
+    return Checked(log.source, tuple(found), (*unstamped, *unchecked), log.notes)

@@ -31,6 +31,7 @@ def clocks(log: Log) -> Iterator[Suspicion]:
 
     A topic may be received late, but not later and later: a drift is one of clocks.
     """
+    yield from _set_back(log)
     states = _lag(log.position)
     if states is None:
         return
@@ -63,6 +64,20 @@ def clocks(log: Log) -> Iterator[Suspicion]:
                 "one of the two is sent late, which does no harm, or stamped by another clock",
                 decisive=False,
             )
+
+
+def _set_back(log: Log) -> Iterator[Suspicion]:
+    signals = (log.position, log.force, log.pressure_a, log.command)
+    found = {one.origin: one.set_back for one in signals if one and one.set_back}
+    for origin, back in found.items():
+        yield Suspicion(
+            origin,
+            f"{back}; {back.share:.2%} of its messages are older than one before them",
+            "the clock was set back while it was recorded, and samples of two moments are mixed"
+            if back.logged
+            else "messages overtook one another, or the clock that stamps was set back",
+            decisive=back.spoils,
+        )
 
 
 def _lag(signal: Signal) -> Lag | None:

@@ -39,11 +39,21 @@ PLATEAU = 0.25  # s at one reading while the joint moves
 RARELY = 10.0  # times as long as nineteen in twenty such plateaus of the same transducer
 ENDLESS = 0.5  # of the motion in one plateau: stuck, where a clipped signal would come back
 FROZEN = 0.02  # share of the motion at one reading above which the joint's force is not known
+COARSE_STEPS = 256.0  # steps of a transducer in its range, below which it is coarse: 8 bits
+FEWEST_STEPS = 30.0  # in its range, below which nothing can be expected of a transducer
+# 87 clean transducers with steps of 0.1 to 0.3 MPa reach at most 6.1 of these standard deviations.
+EXPECTED_STEPS = 2.0  # by which the other sensors expect a reading to change while it is stuck
+EXPECTED_SIGMAS = 8.0  # the same, in standard deviations of what they expect
+LEAST_TRAINED = 20  # samples a coefficient, from which such an expectation can be learnt
+ASKED = 0.3  # of the full command, beyond the dead band of valves
+ASKED_FOR = 1.0  # s
+ASKED_WAY = 0.01  # rad or m (or per s) of reference or velocity, which an encoder shows
 
 # clocks
 OFFSET = 0.05  # s between two topics; ROS and a recorder need some milliseconds
 DRIFT = 1e-3  # s/s; quartz clocks drift by 1e-4 at most
 LEAST_DRIFT = 0.05  # s over a whole recording
+TOGETHER = 0.9  # of the time of the positions, at least, that forces or pressures should cover
 
 # forces
 WORKING_RATE = 50.0  # Hz
@@ -54,6 +64,12 @@ LEAST_MOTION = 5.0  # s of motion of each joint, which four periods of 0.2 Hz an
 POOR = 0.06  # of the force unexplained, from which on another wiring is tried
 BETTER = 2.5  # times less unexplained, if that was it
 UNEXPLAINED = 0.35  # of the force, which no machine of the kind leaves
+
+# forces of any machine
+ARM_BANDWIDTH = 10.0  # Hz
+
+SLOW = 0.05  # of a joint's highest speed; below, friction is anything between its branches
+SIGMAS = 3.0  # standard deviations by which friction and inertia are negative
 
 # delay of pressures behind positions
 LONGEST_DELAY = 1.5  # s

@@ -1,15 +1,80 @@
-"""How often signals were sampled, and whether old samples were sent again."""
+"""How often signals were sampled, where samples are missing, and whether old ones were repeated."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.data.resample import sampling_rate
+from crane_identification.data.resample import (
+    LARGEST_GAP,
+    SHORTEST_RUN,
+    interruptions,
+    sampling_rate,
+)
 from crane_identification.notation import spoken
-from crane_identification.recording_check.constants import HELD, HELD_COUNTS, SLOWEST, SPEED_OVER
+from crane_identification.recording_check.constants import (
+    HELD,
+    HELD_COUNTS,
+    SLOWEST,
+    SPEED_OVER,
+    TOGETHER,
+)
 from crane_identification.recording_check.suspicion import Suspicion
 from crane_identification.signals.motion import encoder_resolution
+
+
+def missing(log: Log) -> Iterator[Suspicion]:
+    """Samples that are not there: too few, gaps, and signals without a common time."""
+    signals = {one.origin: one for one in _needed(log)}
+    for origin, signal in signals.items():
+        complete = np.isfinite(signal.value).all(axis=1)
+        if (count := int(complete.sum())) < SHORTEST_RUN:
+            yield Suspicion(
+                origin,
+                f"{count} samples that hold a number for each joint, at least {SHORTEST_RUN} "
+                "needed",
+                "nothing can be fitted to it; check the sensors and their stamps",
+                decisive=True,
+            )
+            return
+        if np.median(np.diff(signal.time)) < LARGEST_GAP:
+            yield from _gaps(signal)
+    begin = max(one.time[0] for one in signals.values())
+    end = min(one.time[-1] for one in signals.values())
+    whole = log.position.time[-1] - log.position.time[0]
+    if end - begin < TOGETHER * whole:
+        times = (f"{o} from {s.time[0]:.1f} s to {s.time[-1]:.1f} s" for o, s in signals.items())
+        yield Suspicion(
+            "common time",
+            ", ".join(times),
+            "only a part was recorded of everything"
+            if end > begin
+            else "positions and forces were never recorded together",
+            decisive=bool(end <= begin),
+        )
+
+
+def _needed(log: Log) -> list[Signal]:
+    return [one for one in (log.position, log.force, log.pressure_a, log.pressure_b) if one]
+
+
+def _gaps(signal: Signal) -> Iterator[Suspicion]:
+    found = interruptions(signal)
+    if not len(found):
+        return
+    begin, length = found[found[:, 1].argmax()]
+    evidence = f"nothing for {length:.3g} s from {begin:.4g} s on"
+    if len(found) > 1:
+        evidence = (
+            f"{len(found)} gaps, {found[:, 1].sum():.3g} s in all; the longest: {evidence}, the "
+            f"first from {found[0, 0]:.4g} s on"
+        )
+    yield Suspicion(
+        signal.origin,
+        evidence,
+        f"samples are missing; its {len(found) + 1} parts are used one by one",
+        decisive=False,
+    )
 
 
 def sampling(log: Log) -> Iterator[Suspicion]:

@@ -1,15 +1,25 @@
-"""Transducers that stop: clipped at the end of their range, or stuck."""
+"""Sensors that stop: transducers that are clipped or stuck, and encoders that are frozen."""
 
+from collections import defaultdict
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.data.log import Log
+from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import sampling_rate
 from crane_identification.notation import spoken
 from crane_identification.recording_check.constants import (
+    ASKED,
+    ASKED_FOR,
+    ASKED_WAY,
+    COARSE_STEPS,
     ENDLESS,
+    EXPECTED_SIGMAS,
+    EXPECTED_STEPS,
+    FEWEST_STEPS,
     FROZEN,
+    LEAST_TRAINED,
     PLATEAU,
     RARELY,
     SPEED_OVER,
@@ -22,10 +32,33 @@ CAUSES = {
     "lowest": "an empty chamber, or clipped at the lower end of its range",
     "": "the transducer is stuck",
 }
+MEGA = 1e6
+MOST = (10, 90)  # percentiles between which a change counts
+
+
+class _Column(NamedTuple):
+    """Readings (n,) of one transducer that are numbers, at `time` (n,) [s].
+
+    `moves` (n,): whether its joint moves then. `step`: smallest between readings, `steps`: how
+    many of them are in the range of the readings.
+    """
+
+    where: str
+    time: np.ndarray
+    value: np.ndarray
+    moves: np.ndarray
+    step: float
+    steps: float
 
 
 def transducers(log: Log) -> Iterator[Suspicion]:
-    """Readings that stay the same while the joint moves; needs neither units nor a machine."""
+    """Readings that stay the same while the joint moves; needs neither units nor a machine.
+
+    Readings in coarse steps stay the same by themselves: of these, a plateau is suspicious only
+    if the other sensors expect a change there.
+    """
+    yield from _encoders(log)
+    coarse: dict[str, list[str]] = defaultdict(list)
     for name, signal in (
         ("chamber A", log.pressure_a),
         ("chamber B", log.pressure_b),
@@ -36,9 +69,65 @@ def transducers(log: Log) -> Iterator[Suspicion]:
         for j, joint in enumerate(log.joints):
             known = np.isfinite(signal.value[:, j])
             time, value = signal.time[known], signal.value[known, j]
-            if len(value) > 1:
-                moves = _moves(log, j, time)
-                yield from _still(f"{spoken(joint)}, {name}", time, value, moves)
+            if len(value) < 2:
+                continue
+            step = float(encoder_resolution(value[:, np.newaxis])[0])
+            steps = float(np.ptp(value)) / step if step else 0.0
+            column = _Column(
+                f"{spoken(joint)}, {name}", time, value, _moves(log, j, time), step, steps
+            )
+            long = _plateaus(column)
+            if 0.0 < steps < COARSE_STEPS:
+                long &= _unexpected(log, signal, j, column, long)
+                coarse[_size(log, name, step)].append(column.where)
+            yield from _still(column, long)
+    for size, where in coarse.items():
+        yield Suspicion(
+            "; ".join(where),
+            f"steps of {size}",
+            "coarse readings: what is smaller than a step cannot be seen",
+            decisive=False,
+        )
+
+
+def _size(log: Log, name: str, step: float) -> str:
+    if log.uncalibrated:
+        return f"{step:.4g} counts"
+    return f"{step:.4g} N or N m" if name == "force" else f"{step / MEGA:.4g} MPa"
+
+
+def _encoders(log: Log) -> Iterator[Suspicion]:
+    """Encoders that show one reading only, and whether something says that the joint moved."""
+    for j, joint in enumerate(log.joints):
+        value = log.position.value[:, j]
+        value = value[np.isfinite(value)]
+        if not len(value) or np.ptp(value) > 0.0:
+            continue
+        moved = list(_asked(log, j))
+        evidence = f"one reading, {value[0]:.6g}, from the first sample to the last"
+        yield Suspicion(
+            spoken(joint),
+            "; but ".join([evidence, *moved]),
+            "its encoder is frozen" if moved else "the joint stood still, or its encoder is frozen",
+            decisive=bool(moved),
+        )
+
+
+def _asked(log: Log, j: int) -> Iterator[str]:
+    """What says that joint j was to move, or did."""
+    if log.reference_position is not None:
+        way = float(np.nan_to_num(np.ptp(log.reference_position.value[:, j])))
+        if way > ASKED_WAY:
+            yield f"its reference moves by {way:.3g} rad or m"
+    if log.velocity is not None:
+        speed = float(np.nanmax(np.abs(log.velocity.value[:, j]), initial=0.0))
+        if speed > ASKED_WAY:
+            yield f"its velocity is logged as up to {speed:.3g} rad/s or m/s"
+    if log.command is not None and len(log.command.time) > 1:
+        asked = np.abs(log.command.value[:-1, j]) > ASKED
+        seconds = float(np.diff(log.command.time)[asked].sum())
+        if seconds > ASKED_FOR:
+            yield f"its valve command was above {ASKED:.0%} for {seconds:.1f} s"
 
 
 def _moves(log: Log, j: int, time: np.ndarray) -> np.ndarray:
@@ -50,27 +139,89 @@ def _moves(log: Log, j: int, time: np.ndarray) -> np.ndarray:
     return np.abs(ahead - behind) > 2.0 * step
 
 
-def _still(
-    where: str, time: np.ndarray, value: np.ndarray, moves: np.ndarray
-) -> Iterator[Suspicion]:
-    edges = np.flatnonzero(np.diff(value, prepend=np.nan) != 0.0)
-    moved = np.add.reduceat(moves, edges)  # samples in motion at each reading
-    if not moves.any():
-        return
+def _edges(value: np.ndarray) -> np.ndarray:
+    """First sample of each plateau."""
+    return np.flatnonzero(np.diff(value, prepend=np.nan) != 0.0)
+
+
+def _plateaus(column: _Column) -> np.ndarray:
+    """Of each plateau, whether the joint moves for suspiciously long while it lasts."""
+    moved = np.add.reduceat(column.moves, _edges(column.value))  # samples in motion
+    if not moved.any():
+        return np.zeros(len(moved), dtype=bool)
     usual = np.percentile(moved[moved > 0], 95)
     if len(moved) == 1:  # nothing to compare it with
         usual = 1.0
-    long = moved > max(PLATEAU * sampling_rate(time), RARELY * usual)
+    return np.asarray(moved > max(PLATEAU * sampling_rate(column.time), RARELY * usual))
+
+
+def _unexpected(log: Log, signal: Signal, j: int, column: _Column, long: np.ndarray) -> np.ndarray:
+    """Of each plateau, whether the other sensors expect a change of more than a step in it.
+
+    They do so by a linear relation, learnt where readings do not stay: positions, velocities, and
+    all other forces or pressures. If nothing can be learnt, a plateau is suspicious if it fills
+    most of the motion.
+    """
+    edges = _edges(column.value)
+    ends = [*edges[1:], len(column.value)]
+    features = _features(log, signal, j, column.time)
+    usable = np.isfinite(features).all(axis=1) & column.moves
+    learnt = usable & ~np.repeat(long, np.diff([*edges, len(column.value)]))
+    moved = np.add.reduceat(column.moves, edges)
+    if learnt.sum() < LEAST_TRAINED * features.shape[1] or column.steps < FEWEST_STEPS:
+        return np.asarray(moved > ENDLESS * column.moves.sum())
+    scale = features[learnt].std(axis=0)
+    features = (features - features[learnt].mean(axis=0)) / np.where(scale > 0.0, scale, 1.0)
+    features = np.column_stack([features, np.ones(len(features))])
+    found = np.linalg.lstsq(features[learnt], column.value[learnt], rcond=None)[0]
+    expected = features @ found
+    noise = float((column.value - expected)[learnt].std())
+    least = max(EXPECTED_STEPS * column.step, EXPECTED_SIGMAS * noise)
+    out = np.zeros(len(long), dtype=bool)
+    for k in np.flatnonzero(long):
+        inside = expected[edges[k] : ends[k]][usable[edges[k] : ends[k]]]
+        out[k] = len(inside) > 0 and np.ptp(np.percentile(inside, MOST)) > least
+    return out
+
+
+def _features(log: Log, signal: Signal, j: int, time: np.ndarray) -> np.ndarray:
+    """(n, f) what all other sensors show at these times."""
+    columns = []
+    for k in range(len(log.joints)):
+        known = np.isfinite(log.position.value[:, k])
+        at, q = log.position.time[known], log.position.value[known, k]
+        ahead, here, behind = (
+            np.interp(time + side, at, q) for side in (SPEED_OVER / 2, 0.0, -SPEED_OVER / 2)
+        )
+        speed = (ahead - behind) / SPEED_OVER
+        rms = float(np.sqrt(np.mean(speed**2)))
+        columns += [here, speed, np.tanh(4.0 * speed / rms) if rms else speed]
+        columns += [here**2, ahead - 2.0 * here + behind]
+    for other in (log.force, log.pressure_a, log.pressure_b):
+        if other is None:
+            continue
+        for k in range(len(log.joints)):
+            known = np.isfinite(other.value[:, k])
+            if (other is not signal or k != j) and known.any():
+                columns.append(np.interp(time, other.time[known], other.value[known, k]))
+    return np.column_stack(columns)
+
+
+def _still(column: _Column, long: np.ndarray) -> Iterator[Suspicion]:
     if not long.any():
         return
+    value, moves, rate = column.value, column.moves, sampling_rate(column.time)
+    edges = _edges(value)
+    moved = np.add.reduceat(moves, edges)
     share = moved[long].sum() / moves.sum()
     level = value[edges[np.flatnonzero(long)[moved[long].argmax()]]]
-    seconds = moved[long].max() / sampling_rate(time)
     returns = moved[long].max() < ENDLESS * moves.sum()
     end = {value.max(): "highest", value.min(): "lowest"}.get(level, "") if returns else ""
     evidence = (
         f"{share:.1%} of the motion at one reading, {level:.6g}"
-        f"{f', the {end} of all' if end else ''}, for up to {seconds:.2g} s"
+        f"{f', the {end} of all' if end else ''}, for up to {moved[long].max() / rate:.2g} s"
     )
-    cause = CAUSES[end]
-    yield Suspicion(where, evidence, cause, decisive=bool(share > FROZEN) and end != "lowest")
+    cause = CAUSES[end] if value.any() else "nothing was measured: zeros stand in its place"
+    yield Suspicion(
+        column.where, evidence, cause, decisive=bool(share > FROZEN) and end != "lowest"
+    )

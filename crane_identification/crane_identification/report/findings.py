@@ -53,7 +53,6 @@ def findings(
         *(warning for log in logs for warning in log.warnings),
         *_together([(p.source, note) for p in preparations for note in _preparation(p)]),
         *_drifts(preparations, units),
-        *_gaps(preparations),
         *_lack_of_fit(fit),
         *_excitation(fit),
         *([unsure] if unsure else _elsewhere(fit, validations)),
@@ -185,15 +184,6 @@ def _drifts(preparations: Sequence[Preparation], units: Sequence[str]) -> list[s
                 f"{plain(rates[which])} {unit} a period{others}."
             )
     return notes
-
-
-def _gaps(preparations: Sequence[Preparation]) -> list[str]:
-    sources = [p.source for p in preparations]
-    return [
-        f"{source}: gaps in the recording; {sources.count(source)} parts of it are used."
-        for source in dict.fromkeys(sources)
-        if sources.count(source) > 1
-    ]
 
 
 def _lack_of_fit(fit: FitResult) -> list[str]:

@@ -105,6 +105,9 @@ def tell(report: IdentificationReport, out: Path) -> None:
         console(100).print(hydraulics(found))
         for why in found.unknown.values():
             print(f"not identified: {why}")
+    print("force unexplained in training:")
+    for joint, error in zip(estimate.joints, estimate.relative_error, strict=True):
+        print(f"  {joint}: {percent(float(error))}")
     if held_out is not None:
         print("force unexplained on held-out recordings (noise floor):")
         for joint, error, floor in zip(

@@ -89,7 +89,7 @@ def _fit(
 
 
 def _vetted(log: Log, model: Model, trusted: bool) -> tuple[str, ...]:
-    return vetted(model.machine, [log], trusted)
+    return vetted(model.machine, [log], trusted, model)
 
 
 def _prepared(log: Log, model: Model, options: Options) -> list[Preparation]:

@@ -49,7 +49,7 @@ def fit_streamed(
 
     def prepared(path: Path) -> tuple[list[Preparation], tuple[str, ...]]:
         log = read(path, model, columns, options)
-        return prepare(model, log, options), vetted(model.machine, [log], trusted)
+        return prepare(model, log, options), vetted(model.machine, [log], trusted, model)
 
     def told(path: Path, factor: int | None) -> _Told:
         preparations, suspicions = prepared(path)

@@ -1,64 +1,66 @@
 """Messages of an mcap file chunk by chunk, several times as fast as one by one."""
 
-from collections.abc import Collection, Iterator, Sequence
-from itertools import pairwise
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Chunk, ChunkIndex
+from mcap.records import Chunk, DataEnd, Message
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from numba import njit
 
 RECORD, MESSAGE = 9, 22  # bytes in front of the content of a record, and of the CDR of a message
+BLOCK = 4096  # messages that are gathered where they do not come by chunk
 
 
 class Block(NamedTuple):
-    """Messages of one topic, in order of log time."""
+    """Messages of one topic, in the order of the file."""
 
     topic: str
     log_times: Sequence[int]  # ns
     messages: Sequence[bytes]  # CDR
 
 
-def chunk_blocks(file: Path, topics: Collection[str]) -> Iterator[Block] | None:
-    """The messages of `topics`, by chunk; None where the file has no index of chunks in order.
+def chunk_blocks(file: Path, topics: Mapping[int, str]) -> Iterator[Block]:
+    """The messages of channels, whose `topics` are given by their numbers, as the file has them.
 
-    Raises whatever the mcap library raises on a damaged file, a wrong checksum included.
+    The data section alone is read: an index may be absent, or may repeat no channels. Raises
+    whatever the mcap library raises on a damaged file, a wrong checksum included.
     """
+    loose: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
     with file.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    if summary is None or not summary.chunk_indexes:
-        return None
-    chunks = sorted(summary.chunk_indexes, key=lambda one: one.chunk_start_offset)
-    if not _follow_one_another(chunks):
-        return None
-    wanted = {number: one.topic for number, one in summary.channels.items() if one.topic in topics}
-    return _read(file, chunks, wanted)
+        for record in StreamReader(stream, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                data, size = get_chunk_data_stream(record, validate_crc=True)
+                yield from _messages(data.read(size), topics)
+            elif isinstance(record, Message) and record.channel_id in topics:
+                found = loose[topics[record.channel_id]]
+                found.append((record.log_time, record.data))
+                if len(found) == BLOCK:
+                    yield gathered(topics[record.channel_id], found)
+                    found.clear()
+            elif isinstance(record, DataEnd):
+                break
+    for topic, found in loose.items():
+        if found:
+            yield gathered(topic, found)
 
 
-def _read(file: Path, chunks: list[ChunkIndex], wanted: dict[int, str]) -> Iterator[Block]:
-    with file.open("rb") as stream:
-        for index in chunks:
-            stream.seek(index.chunk_start_offset)
-            records = StreamReader(stream, skip_magic=True, emit_chunks=True).records
-            chunk = next(iter(records))
-            if not isinstance(chunk, Chunk):
-                raise ValueError(f"no chunk at byte {index.chunk_start_offset}")
-            data, size = get_chunk_data_stream(chunk, validate_crc=True)
-            yield from _messages(data.read(size), wanted)
+def gathered(topic: str, found: Sequence[tuple[int, bytes]]) -> Block:
+    """A block of log times and messages."""
+    log_times, messages = zip(*found, strict=True)
+    return Block(topic, log_times, messages)
 
 
-def _messages(chunk: bytes, wanted: dict[int, str]) -> Iterator[Block]:
-    """The messages of each topic; `wanted` has the topics of channels."""
+def _messages(chunk: bytes, topics: Mapping[int, str]) -> Iterator[Block]:
     found = _walk(np.frombuffer(chunk, np.uint8), Opcode.MESSAGE.value)
-    for topic in set(wanted.values()):
-        channels = [number for number, name in wanted.items() if name == topic]
+    for topic in set(topics.values()):
+        channels = [number for number, name in topics.items() if name == topic]
         rows = found[np.isin(found[:, 0], channels)]
         if rows.size:
-            _, log_times, starts, ends = rows[np.argsort(rows[:, 1], kind="stable")].T.tolist()
+            _, log_times, starts, ends = rows.T.tolist()
             yield Block(topic, log_times, [chunk[a:b] for a, b in zip(starts, ends, strict=True)])
 
 
@@ -95,9 +97,3 @@ def _number(chunk: np.ndarray, start: int, size: int) -> int:
     for i in range(size - 1, -1, -1):
         value = value * 256 + int(chunk[start + i])
     return value
-
-
-def _follow_one_another(chunks: list[ChunkIndex]) -> bool:
-    return all(
-        before.message_end_time <= after.message_start_time for before, after in pairwise(chunks)
-    )

@@ -1,13 +1,68 @@
 """Clocks of publishers: which stamps cannot be what the clock of the recorder says."""
 
+import math
+import time
+from typing import NamedTuple
+
 import numpy as np
 
 NANOSECONDS = 1_000_000_000  # in a second
 LARGEST_JUMP = NANOSECONDS // 10
 """Between two messages that were received one right after the other, the stamps may jump by this
 much [ns]: a message may be late, or overtake another."""
+SAME = 1.0  # s, in which the stamps of several topics go back by one and the same step
+NEWS = 10.0  # s, for which it is told that time went back
 REGULAR = NANOSECONDS  # ns, over which the two clocks are compared to tell drift from steps
 FEW = 10  # so many of these make a recording at least, so that one with a step in it does not count
+
+MISORDERED = 0.02
+"""Share of messages that are older than one before them, from which on times are not known."""
+
+
+class SetBack(NamedTuple):
+    """Time that goes back from message to message, in the order of arrival."""
+
+    times: int  # how often
+    largest: int  # ns, by which it goes back at most from one message to the next
+    interval: int  # ns, by which it usually goes on
+    behind: int  # messages that are older than one before them
+    total: int  # messages
+    logged: bool  # log times go back, too: it was not a message that overtook another one
+
+    @property
+    def share(self) -> float:
+        """Share of messages that are older than one before them."""
+        return self.behind / self.total
+
+    @property
+    def spoils(self) -> bool:
+        """Whether so many messages are out of order that times are not known."""
+        return self.share > MISORDERED
+
+    def __str__(self) -> str:
+        where = "stamps and log times" if self.logged else "stamps"
+        return (
+            f"time goes back {self.times} time{'s' * (self.times > 1)}, by up to "
+            f"{self.largest / NANOSECONDS:.3g} s from a message to the next, which usually is "
+            f"{self.interval / NANOSECONDS:.3g} s later, in {where}"
+        )
+
+
+def set_back(stamp: np.ndarray, log_time: np.ndarray) -> SetBack | None:
+    """How often and how far stamps (n,) [ns] go back; None if they never do."""
+    if not len(stamp):
+        return None
+    steps = np.diff(stamp)
+    if not (back := steps < 0).any():
+        return None
+    return SetBack(
+        times=int(np.count_nonzero(back)),
+        largest=-int(steps.min()),
+        interval=int(np.median(steps)),
+        behind=int(np.count_nonzero(stamp < np.maximum.accumulate(stamp))),
+        total=len(stamp),
+        logged=bool((np.diff(log_time)[back] < 0).any()),
+    )
 
 
 def clock_step(stamp: np.ndarray, log_time: np.ndarray) -> tuple[int, int] | None:
@@ -48,3 +103,39 @@ def _drift(stamp: np.ndarray, late: np.ndarray) -> np.ndarray:
         return np.zeros(len(stamp))
     rate = np.median((late[apart:] - late[:-apart])[forward] / elapsed[forward])
     return rate * since
+
+
+class TimeBack:
+    """Stamps of topics that go back: a clock was set, or a bag is played in a loop.
+
+    `times`: how often; `by` [s]: how far the last time.
+    """
+
+    def __init__(self) -> None:
+        self.times, self.by = 0, 0.0
+        self._newest: dict[str, int] = {}
+        self._last = -math.inf
+
+    def comes(self, topic: str, stamp: int) -> bool:
+        """Take the stamp [ns] of a message; return whether everything has to begin anew.
+
+        Messages may overtake one another by `LARGEST_JUMP`. What topics that lag still send from
+        before the step, is a step as well, but is not counted again.
+        """
+        newest = self._newest.get(topic, stamp)
+        if newest - stamp <= LARGEST_JUMP:
+            self._newest[topic] = max(newest, stamp)
+            return False
+        now = time.monotonic()
+        if now - self._last > SAME:
+            self.times += 1
+        self.by, self._last, self._newest = (newest - stamp) / NANOSECONDS, now, {topic: stamp}
+        return True
+
+    @property
+    def is_news(self) -> bool:
+        """Whether it happened within the last seconds."""
+        return time.monotonic() - self._last < NEWS
+
+    def __str__(self) -> str:
+        return f"time went back by {self.by:.1f} s: began anew"

@@ -14,7 +14,7 @@ from rosbags.typesys import TypesysError, get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from crane_bags.decoding import Table, header_stamps
-from crane_bags.reader import TopicData, in_order
+from crane_bags.reader import TopicData, contradiction, in_order
 from crane_bags.storage import BLOCK, blocks, connections, messages, open_bag
 from crane_bags.types import typestore
 from crane_model.errors import DataError
@@ -127,8 +127,11 @@ def read_fields(
                 ) from error
             done += len(decoded)
             if progress:
-                progress(f"reading {path.name}", min(done / reader.message_count, 1.0))
-    return {topic: one.data(path, topic) for topic, one in gathered.items()}
+                progress(f"reading {path.name}", min(done / reader.held, 1.0))
+        return {
+            topic: one.data(path, topic, contradiction(reader, topic))
+            for topic, one in gathered.items()
+        }
 
 
 def read_messages(
@@ -194,7 +197,7 @@ class _Gathered:
         self._log_times += log_times
         self._names.update(getattr(messages[0], NAMES, ()))
 
-    def data(self, path: Path, topic: str) -> TopicData:
+    def data(self, path: Path, topic: str, notes: Sequence[str]) -> TopicData:
         numbers = np.array(self._numbers, dtype=float)
         fields = {str(place): numbers[:, i] for i, place in enumerate(self._places)}
         for place, values in fields.items():
@@ -203,7 +206,7 @@ class _Gathered:
                 raise DataError(f"{path}: topic {topic}: {place} never holds a number{names}")
         nobody = np.ones((len(numbers), 0), dtype=bool)
         table = Table((), np.concatenate(self._stamps), nobody, fields)
-        return in_order(path, topic, table, np.array(self._log_times)).select(())
+        return in_order(path, topic, table, np.array(self._log_times), notes).select(())
 
 
 def _type(path: Path, reader: Reader, topic: str, expected: str | None) -> tuple[str, Typestore]:

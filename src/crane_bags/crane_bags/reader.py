@@ -11,14 +11,15 @@ from rosbags.rosbag2 import Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
-from crane_bags.clocks import NANOSECONDS, clock_step
+from crane_bags.clocks import NANOSECONDS, SetBack, clock_step, set_back
 from crane_bags.decoding import Table, cells, concatenate, decode
-from crane_bags.storage import announced, blocks, connections, open_bag
+from crane_bags.storage import StoredBag, announced, blocks, connections, open_bag
 from crane_bags.types import CAN_FRAMES, Topic, typestore
 from crane_model.errors import DataError
 from crane_model.progress import Progress
 
 LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock may not step
+FEWEST_STAMPS = 20  # messages with one stamp, from which on stamps are not times
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,8 @@ class TopicData:
     """What a bag holds of one topic, in the order of its stamps.
 
     log_time: when the recorder received each message, on the clock of the recorder.
+    arrival: place of each message in the file; set_back: how time goes back in that order, of the
+    messages that were selected.
     fields: (n, k) of each float64[] field, (n,) of each float64 field, with NaN as recorded.
     notes: what had to be mended, in words.
     """
@@ -36,9 +39,11 @@ class TopicData:
     stamp: np.ndarray  # (n,) int64 [ns], increasing
     stamped_by: Literal["header", "log time"]  # log time where every header stamp is zero
     log_time: np.ndarray  # (n,) int64 [ns]
+    arrival: np.ndarray  # (n,) int
     present: np.ndarray  # (n, k) bool: which names a message held
     fields: dict[str, np.ndarray]
     notes: tuple[str, ...] = ()
+    set_back: SetBack | None = None
 
     def select(self, names: Sequence[str]) -> "TopicData":
         """The messages that hold all of `names`, with their columns in this order, each stamp once.
@@ -58,6 +63,8 @@ class TopicData:
                 f"{self.bag}: topic {self.topic} has no message that holds all of "
                 f"{', '.join(names)}; publish them in one message"
             )
+        arrived = rows[np.argsort(self.arrival[rows])]
+        back = set_back(self.stamp[arrived], self.log_time[arrived])
         first = np.diff(self.stamp[rows], prepend=self.stamp[rows[0]] - 1) > 0
         repeated = int(np.count_nonzero(~first))
         rows = rows[first]
@@ -66,12 +73,18 @@ class TopicData:
             names=tuple(names),
             stamp=self.stamp[rows],
             log_time=self.log_time[rows],
+            arrival=self.arrival[rows],
             present=self.present[cells(rows, columns)],
             fields={
                 key: value[cells(rows, columns)] if value.ndim == 2 else value[rows]
                 for key, value in self.fields.items()
             },
-            notes=(*self.notes, *_note(repeated, f"{self.topic}: repeated stamps dropped")),
+            notes=(
+                *self.notes,
+                *_note(back.behind if back else 0, f"{self.topic}: {back}; messages sorted"),
+                *_note(repeated, f"{self.topic}: repeated stamps dropped"),
+            ),
+            set_back=back,
         )
 
 
@@ -103,7 +116,23 @@ def read_topics(
                     f"{path}: topic {name} announces {stated} messages, but only "
                     f"{len(log_times[name])} are readable; the bag is damaged or not complete"
                 )
-    return {name: in_order(path, name, tables[name], np.array(log_times[name])) for name in wanted}
+        return {
+            name: in_order(
+                path, name, tables[name], np.array(log_times[name]), contradiction(reader, name)
+            )
+            for name in wanted
+        }
+
+
+def contradiction(reader: StoredBag, topic: str) -> tuple[str, ...]:
+    """A note where metadata.yaml states fewer messages of a topic than the files hold."""
+    count = reader.contradictions.get(topic)
+    if count is None:
+        return ()
+    return (
+        f"{topic}: metadata.yaml states {count.stated} messages, the files hold {count.held}; all "
+        "of them are used",
+    )
 
 
 def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: bool) -> bool:
@@ -165,9 +194,17 @@ def _read(
     return {name: concatenate(parts) for name, parts in tables.items()}, log_times
 
 
-def in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> TopicData:
-    """Rows sorted by header stamp, or by log time where no header is stamped."""
-    stamped_by: Literal["header", "log time"] = "header" if table.stamp.any() else "log time"
+def in_order(
+    path: Path, topic: str, table: Table, log_time: np.ndarray, notes: Sequence[str] = ()
+) -> TopicData:
+    """Rows, in the order of arrival, sorted by header stamp, or by log time where stamps are
+    unusable: none is set, or a few stand for all messages.
+    """
+    distinct = len(np.unique(table.stamp))
+    frozen = distinct * FEWEST_STAMPS < len(table.stamp) and table.stamp.any()
+    stamped_by: Literal["header", "log time"] = (
+        "header" if table.stamp.any() and not frozen else "log time"
+    )
     unstamped = 0
     if stamped_by == "header":
         stamped = table.stamp != 0
@@ -188,10 +225,11 @@ def in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> Topi
             "with one clock, or split the bag there"
         )
     order = np.argsort(stamp, kind="stable")
-    notes = (
-        *_note(int(stamp is log_time) * len(stamp), f"{topic}: no header stamp, log time used"),
+    unusable = f"{distinct} header stamps in all" if frozen else "no header stamp"
+    all_notes = (
+        *notes,
+        *_note(int(stamp is log_time) * len(stamp), f"{topic}: {unusable}, log time used"),
         *_note(unstamped, f"{topic}: messages whose header stamp is zero left out"),
-        *_note(int(np.count_nonzero(behind)), f"{topic}: messages out of order sorted by stamp"),
     )
     fields = {key: value[order] for key, value in table.fields.items()}
     return TopicData(
@@ -201,9 +239,10 @@ def in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> Topi
         stamp=stamp[order],
         stamped_by=stamped_by,
         log_time=log_time[order],
+        arrival=order,
         present=table.present[order],
         fields=fields,
-        notes=notes,
+        notes=all_notes,
     )
 
 

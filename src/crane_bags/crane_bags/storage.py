@@ -1,40 +1,113 @@
 """Opening bags of either storage, single or split, and saying what is wrong with the others."""
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from os import SEEK_END
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.reader import DirectoryReader
-from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_mcap import McapReader, Statistics
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from crane_bags.chunks import Block, chunk_blocks
+from crane_bags.chunks import BLOCK, Block, chunk_blocks, gathered
 from crane_model.errors import DataError
 
 STORAGE_SUFFIXES = (".mcap", ".db3")
 Storage = McapReader | Sqlite3Reader
-BLOCK = 4096  # messages
 MCAP_MAGIC = b"\x89MCAP0\r\n"
+UNKNOWN_TYPE = "__schemaless__"  # what rosbags calls a type that the summary does not repeat
 SQLITE_LOGS = ("-wal", "-journal")  # what SQLite keeps beside a file until it is closed
 
 
+class Count(NamedTuple):
+    """How many messages of a topic metadata.yaml states, and how many its files hold."""
+
+    stated: int
+    held: int
+
+
+class StoredBag(Reader):
+    """An open bag, of which the files decide: metadata.yaml and the index of a file may be wrong.
+
+    `contradictions`: topics of which the files hold more messages than metadata.yaml states.
+    """
+
+    def __init__(self, path: Path):
+        super().__init__(path)
+        self.contradictions: dict[str, Count] = {}
+
+    def open(self) -> None:
+        """Open the files, and find what they hold."""
+        super().open()
+        for file in _storages(self):
+            if isinstance(file, McapReader):
+                _read_on(file)
+        if isinstance(self.storage, DirectoryReader):
+            self._compare(self.storage)
+
+    @property
+    def held(self) -> int:
+        """Number of messages in the files."""
+        return sum(one.msgcount for file in _storages(self) for one in file.connections)
+
+    def _compare(self, folder: DirectoryReader) -> None:
+        """Correct what metadata.yaml states of `folder` where the files hold more."""
+        stored = [one for file in _storages(self) for one in file.connections]
+        for topic in dict.fromkeys(one.topic for one in stored):
+            held = sum(one.msgcount for one in stored if one.topic == topic)
+            stated = [k for k, one in enumerate(folder.connections) if one.topic == topic]
+            count = Count(sum(folder.connections[k].msgcount for k in stated), held)
+            if count.held <= count.stated:
+                continue
+            self.contradictions[topic] = count
+            if stated:
+                first = folder.connections[stated[0]]
+                more = first.msgcount + count.held - count.stated
+                folder.connections[stated[0]] = first._replace(msgcount=more)
+            else:
+                new = next(one for one in stored if one.topic == topic)
+                folder.connections.append(new._replace(msgcount=count.held))
+
+
+def _read_on(file: McapReader) -> None:
+    """Find in the data section what the summary of an mcap file does not repeat: channels,
+    schemas, and how many messages there are of each.
+    """
+    statistics = file.statistics
+    counted = sum(one.msgcount for one in file.connections)
+    if (
+        statistics is not None
+        and counted == statistics.message_count
+        and (counted or not file.chunks)
+        and all(one.msgtype != UNKNOWN_TYPE for one in file.connections)
+    ):
+        return
+    file.schemas.clear()
+    file.channels.clear()
+    file.connections.clear()
+    file.meta_scan()
+    if not any(one.channel_count for one in file.chunks):
+        file.chunks.clear()  # so that rosbags looks for messages without them
+    found = cast(Statistics, file.statistics).channel_message_counts
+    file.connections[:] = [one._replace(msgcount=found.get(one.id, 0)) for one in file.connections]
+
+
 @contextmanager
-def open_bag(path: Path) -> Iterator[Reader]:
+def open_bag(path: Path) -> Iterator[StoredBag]:
     """The open bag: a folder with metadata.yaml, or one .mcap or .db3 file of it.
 
     `DataError` if it is absent, not a bag, damaged, not closed properly or empty.
     """
     _check_kind(path)
     with _damage(path):
-        reader = Reader(path)
+        reader = StoredBag(path)
         reader.open()
     try:
-        if reader.message_count == 0:
+        if reader.message_count == 0 and reader.held == 0:
             raise DataError(f"{path}: the bag is empty; record again and check the publishers")
         yield reader
     finally:
@@ -55,7 +128,7 @@ def messages(
 
 
 def blocks(path: Path, reader: Reader, topics: Collection[str]) -> Iterator[Block]:
-    """All messages of `topics`, those of each topic in order of log time within a file.
+    """All messages of `topics`, those of each topic in the order of the files, as they arrived.
 
     `DataError` where the storage is damaged.
     """
@@ -64,29 +137,32 @@ def blocks(path: Path, reader: Reader, topics: Collection[str]) -> Iterator[Bloc
             for storage in _storages(reader):
                 yield from _file_blocks(storage, topics)
         elif sources := [one for name in topics for one in connections(reader, name)]:
-            yield from _gathered(reader.messages(sources))
+            messages = reader.messages(sources)
+            yield from _by_topic((one.topic, time, data) for one, time, data in messages)
 
 
 def _file_blocks(storage: Storage, topics: Collection[str]) -> Iterator[Block]:
+    wanted = {one.id: one.topic for one in storage.connections if one.topic in topics}
     if isinstance(storage, McapReader):
-        in_chunks = chunk_blocks(Path(str(storage.path)), topics)
-        if in_chunks is not None:
-            yield from in_chunks
-            return
-    sources = [one for one in storage.connections if one.topic in topics]
-    if sources:  # to rosbags, none means all
-        yield from _gathered(storage.messages(sources))
+        yield from chunk_blocks(Path(str(storage.path)), wanted)
+    elif wanted:
+        numbers = ",".join(map(str, wanted))
+        assert storage.dbconn is not None  # the storage is open
+        rows = storage.dbconn.execute(
+            f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({numbers}) "
+            "ORDER BY id"  # rosbags sorts by log time, which hides a clock that goes back
+        )
+        yield from _by_topic((wanted[number], time, data) for number, time, data in rows)
 
 
-def _gathered(messages: Iterable[tuple[Connection, int, bytes]]) -> Iterator[Block]:
+def _by_topic(messages: Iterator[tuple[str, int, bytes]]) -> Iterator[Block]:
     pending: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
-    for connection, log_time, data in messages:
-        found = pending[connection.topic]
-        found.append((log_time, data))
-        if len(found) == BLOCK:
-            yield Block(connection.topic, *zip(*pending.pop(connection.topic), strict=True))
+    for topic, log_time, data in messages:
+        pending[topic].append((log_time, data))
+        if len(pending[topic]) == BLOCK:
+            yield gathered(topic, pending.pop(topic))
     for topic, found in pending.items():
-        yield Block(topic, *zip(*found, strict=True))
+        yield gathered(topic, found)
 
 
 def connections(reader: Reader, topic: str) -> list[Connection]:
@@ -99,7 +175,7 @@ def connections(reader: Reader, topic: str) -> list[Connection]:
 
 
 def announced(reader: Reader, topic: str) -> tuple[int, set[str]]:
-    """Number of messages and type hashes (where given) that the metadata state for a topic."""
+    """Number of messages and type hashes (where given) that a bag states for a topic."""
     stated = [one for one in reader.connections if one.topic == topic]
     hashes = {one.digest for one in stated if (one.digest or "").startswith("RIHS01_")}
     return sum(one.msgcount for one in stated), hashes

@@ -5,12 +5,13 @@ from collections.abc import Callable
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
-from crane_bags.clocks import NANOSECONDS
+from crane_bags.clocks import NANOSECONDS, TimeBack
 from crane_nodes.scheduling import PATIENCE_S
 from crane_nodes.stamps import nanoseconds, stamp_of
 
@@ -76,6 +77,18 @@ class NodeTime:
         if self.simulated:
             return stamp_of(self._newest)
         return self._node.get_clock().now().to_msg()
+
+
+def tell_back(back: TimeBack, status: DiagnosticStatus) -> None:
+    """Add to a status how often time went back, and a warning while that is news."""
+    status.values = [
+        *status.values,
+        KeyValue(key="time went back [-]", value=str(back.times)),
+        KeyValue(key="time went back, the last time [s]", value=f"{back.by:.3f}"),
+    ]
+    if back.is_news:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        status.message = f"{back}; {status.message}"
 
 
 class Pacing:

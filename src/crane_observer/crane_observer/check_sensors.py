@@ -90,4 +90,4 @@ def _lines(seen: WatchedBag) -> list[str]:
         lines.append(f"  the nearest to an alarm took {seen.largest:.0%} of its tolerance")
     if seen.refused:
         lines.append(f"  {seen.refused} samples not used, the last: {seen.why_not}")
-    return lines
+    return [*lines, *(f"  {note}" for note in seen.notes)]

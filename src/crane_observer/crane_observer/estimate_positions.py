@@ -66,6 +66,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         for warning in refuse_unserved(model, hidden):
             print(f"warning: {warning}", file=sys.stderr)
         recording = HeardRecording.read(arguments.bag, model.joints)
+        for note in recording.notes:
+            print(f"warning: {arguments.bag}: {note}", file=sys.stderr)
         start = _start(arguments.start, model, recording)
         sensor = PositionSensor(model, start, arguments.start_deviation)
         course, smoothed = replay_smoothed(sensor, recording, hidden)

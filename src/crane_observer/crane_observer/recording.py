@@ -31,10 +31,13 @@ class HeardRecording:
     supply: Array  # (m,) Pa
     command_time: Array  # (k,)
     commands: Array  # (k, j) that reached the valves
+    notes: tuple[str, ...] = ()  # what was mended when it was read
 
     @classmethod
     def read(cls, path: Path, joints: tuple[str, ...]) -> "HeardRecording":
-        """`DataError` names the topic that is missing, and what to record."""
+        """`DataError` names the topic that is missing, or whose time goes back again and again, and
+        what to record.
+        """
         namespace = namespace_of(path)
         states_, pressures_, asked, sent = (
             topic.within(namespace)
@@ -50,6 +53,13 @@ class HeardRecording:
         pressures = found[pressures_.name].select(joints)
         commands = found[output.name].select(joints)
         states = found[states_.name].select(joints) if states_.name in found else None
+        used = [one for one in (pressures, commands, states) if one]
+        for one in used:
+            if one.set_back and one.set_back.spoils:
+                raise DataError(
+                    f"{path}: topic {one.topic}: {one.set_back}, so that {one.set_back.share:.1%} "
+                    "of its messages are older than one before them; record with one clock"
+                )
         start = int(pressures.stamp[0])
 
         def seconds(stamp: np.ndarray) -> Array:
@@ -71,6 +81,7 @@ class HeardRecording:
             supply,
             command_time,
             reaching,
+            tuple(note for one in used for note in one.notes),
         )
 
     def events(self) -> Iterator[tuple[int, int]]:

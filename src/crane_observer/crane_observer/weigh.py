@@ -1,6 +1,7 @@
 """`weigh`: what hung at the tip in a recording, lift by lift."""
 
 import csv
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -42,6 +43,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         cli.check_out(log, course, replace=arguments.replace)
         scale = Scale(load_model(arguments.model))
         recording = HeardRecording.read(arguments.bag, scale.model.joints)
+        for note in recording.notes:
+            print(f"warning: {arguments.bag}: {note}", file=sys.stderr)
         found = weigh(scale, recording, arguments.tare)
         if not found:
             raise DataError(f"{arguments.bag}: too short to weigh; a window takes 0.3 s")

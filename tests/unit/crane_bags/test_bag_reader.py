@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import yaml
 from laboratory_crane import JOINTS
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import StoragePlugin
 
 from crane_bags.chunks import MESSAGE, RECORD
-from crane_bags.clocks import clock_step
+from crane_bags.clocks import SetBack, clock_step
 from crane_bags.reader import TopicData, read_topics
-from crane_bags.storage import BLOCK
+from crane_bags.storage import BLOCK, messages, open_bag
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
@@ -85,6 +85,66 @@ def test_mcap_of_the_mcap_library(
             writer.add_message(channel, log_time, data, log_time)
         writer.finish()
     check_five_messages(joint_states(path))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"repeat_channels": False},
+        {"repeat_schemas": False},
+        {"repeat_channels": False, "repeat_schemas": False, "use_statistics": False},
+        {"use_statistics": False, "index_types": IndexType.NONE},
+        {"use_statistics": False, "index_types": IndexType.CHUNK},
+    ],
+    ids=lambda options: " ".join(options),
+)
+def test_summary_that_repeats_little(
+    options: dict, five_messages: list[Message], tmp_path: Path
+) -> None:
+    """The format leaves it to writers; the data section is read on."""
+    path = tmp_path / "foreign.mcap"
+    definition, _ = typestore().generate_msgdef(JOINT_STATES.msgtype, ros_version=2)
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=400, **options)
+        writer.start(profile="ros2")
+        schema = writer.register_schema(JOINT_STATES.msgtype, "ros2msg", definition.encode())
+        channel = writer.register_channel(JOINT_STATES.name, "cdr", schema)
+        for log_time, data in five_messages:
+            writer.add_message(channel, log_time, data, log_time)
+        writer.finish()
+    check_five_messages(joint_states(path))
+    with open_bag(path) as reader:
+        assert [one.topic for one in reader.connections] == [JOINT_STATES.name]
+        assert len(list(messages(path, reader, [JOINT_STATES.name]))) == 5
+
+
+@pytest.mark.parametrize("storage", StoragePlugin)
+@pytest.mark.parametrize("listed", [True, False])
+def test_the_files_decide_how_many_messages_there_are(
+    storage: StoragePlugin, listed: bool, five_messages: list[Message], write_bag: BagMaker
+) -> None:
+    """metadata.yaml states none, as after a reindex, or does not list the topic at all."""
+    path = write_bag(five_messages, storage)
+    metadata = yaml.safe_load((path / "metadata.yaml").read_text())
+    information = metadata["rosbag2_bagfile_information"]
+    information["message_count"] = 0
+    information["topics_with_message_count"][0]["message_count"] = 0
+    if not listed:
+        information["topics_with_message_count"] = []
+    (path / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    data = read_topics(path, [], [JOINT_STATES])[JOINT_STATES.name]
+    assert data.stamp.tolist() == [START + k * STEP for k in range(5)]
+    assert data.notes == (
+        "/joint_states: metadata.yaml states 0 messages, the files hold 5; all of them are used",
+    )
+
+
+def test_one_stamp_for_all_messages_is_no_time(
+    joint_state: Serializer, write_bag: BagMaker
+) -> None:
+    data, positions = read_stamps([START] * 50, joint_state, write_bag)
+    assert data.stamped_by == "log time" and len(positions) == 50
+    assert data.notes == ("/joint_states: 1 header stamps in all, log time used (50)",)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2, 3, 4], [3, 0, 4, 1, 2]], ids=["in order", "mixed"])
@@ -243,7 +303,20 @@ def test_messages_that_overtook_one_another_are_sorted(
     data, positions = read_stamps([10, 30, 20, 40], joint_state, write_bag)
     assert data.stamp.tolist() == [10, 20, 30, 40]
     assert positions == [0.0, 2.0, 1.0, 3.0]
-    assert data.notes == ("/joint_states: messages out of order sorted by stamp (1)",)
+    assert data.set_back == SetBack(1, largest=10, interval=20, behind=1, total=4, logged=False)
+    (note,) = data.notes
+    assert note.startswith("/joint_states: time goes back 1 time, by up to 1e-08 s")
+
+
+@pytest.mark.parametrize("storage", StoragePlugin)
+def test_time_that_goes_back_in_both_stamps_is_seen_in_the_order_of_the_file(
+    storage: StoragePlugin, joint_state: Serializer, write_bag: BagMaker
+) -> None:
+    """Seven milliseconds every 25 messages of 5 ms: readers that sort by log time see nothing."""
+    stamps = [START + k * STEP - 7_000_000 * (k // 25) for k in range(200)]
+    messages = [(stamp, joint_state(stamp, ["slew"], [0.0])) for stamp in stamps]
+    back = joint_states(write_bag(messages, storage)).select(["slew"]).set_back
+    assert back == SetBack(7, 2_000_000, interval=STEP, behind=7, total=200, logged=True)
 
 
 def test_log_time_where_no_header_is_stamped(joint_state: Serializer, write_bag: BagMaker) -> None:

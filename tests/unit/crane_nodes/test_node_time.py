@@ -4,17 +4,29 @@ from collections.abc import Callable, Iterator
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
+from crane_bags.clocks import TimeBack
 from crane_nodes import node_time
-from crane_nodes.node_time import TAKEN, TAKEN_TOPIC, NodeTime, Pacing
+from crane_nodes.node_time import TAKEN, TAKEN_TOPIC, NodeTime, Pacing, tell_back
 from crane_nodes.polled import Polled
 from crane_nodes.stamps import nanoseconds, stamp_of
 
 SECOND = 10**9
+
+
+def test_time_that_went_back_is_a_warning_while_it_is_news() -> None:
+    back, status = TimeBack(), DiagnosticStatus(level=DiagnosticStatus.OK, message="good")
+    back.comes("joint_states", 20 * SECOND)
+    back.comes("joint_states", 8 * SECOND)
+    tell_back(back, status)
+    assert status.level == DiagnosticStatus.WARN
+    assert status.message == "time went back by 12.0 s: began anew; good"
+    assert [one.value for one in status.values] == ["1", "12.000"]
 
 
 class Real:

@@ -26,6 +26,7 @@ class WatchedBag(NamedTuple):
     taken: Array  # (n, c) share of the tolerance, by channel and block
     refused: int
     why_not: str
+    notes: tuple[str, ...] = ()  # what was mended when the bag was read
 
     @property
     def largest(self) -> float:
@@ -75,4 +76,5 @@ def compare(recording: HeardRecording, model: Model, tolerance: Tolerance | None
         taken=np.array([shares for _, shares in taken]),
         refused=watched.refused,
         why_not=watched.last_refusal,
+        notes=recording.notes,
     )

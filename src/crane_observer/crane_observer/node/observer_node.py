@@ -8,14 +8,16 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
+from crane_bags.clocks import TimeBack
 from crane_model.errors import CraneError
 from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART
 from crane_nodes.names import full_name
-from crane_nodes.node_time import NodeTime, Pacing
+from crane_nodes.node_time import NodeTime, Pacing, tell_back
 from crane_nodes.parameters import NodeParameter, declare, hold
 from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
+from crane_nodes.stamps import nanoseconds
 from crane_observer.node.topics import report_message
 
 PUBLISH = 1.0  # s, of diagnostics
@@ -24,7 +26,10 @@ HeardTopic: TypeAlias = tuple[str, type, QoSProfile]
 
 
 class ObserverNode(LifecycleNode):
-    """Listens while it is active; a node says by `read` to `report` what becomes of that."""
+    """Listens while it is active; a node says by `read` to `report` what becomes of that.
+
+    If the stamps of a topic go back, it begins anew.
+    """
 
     def __init__(
         self,
@@ -42,6 +47,8 @@ class ObserverNode(LifecycleNode):
         self.clock = NodeTime(self)
         self.clock.listen()
         self._pacing: Pacing | None = None
+        self._back = TimeBack()
+        self._set_backs = 0  # that were told
         self._heard, self._tells = heard, tells
         self._queues: list[Polled] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -86,6 +93,7 @@ class ObserverNode(LifecycleNode):
         """Listen; nothing is known yet."""
         activated = super().on_activate(state)
         self._queues = [Polled(self, msgtype, topic, qos) for topic, msgtype, qos in self._heard]
+        self._back, self._set_backs = TimeBack(), 0
         self.begin()
         self._active = True
         self._pacing = Pacing(self, self.clock, AHEAD)
@@ -122,6 +130,12 @@ class ObserverNode(LifecycleNode):
             return
         for topic, queue in enumerate(self._queues):
             for message, _ in queue.take():
+                if self._back.comes(self._heard[topic][0], nanoseconds(message.header.stamp)):
+                    if self._back.times != self._set_backs:
+                        self._set_backs = self._back.times
+                        self.get_logger().warning(str(self._back))
+                    self.end()
+                    self.begin()
                 self.hear(topic, message)
         self.tell()
         if self._pacing is not None:
@@ -133,6 +147,7 @@ class ObserverNode(LifecycleNode):
         )
         if self._active:
             self.report(status)
+            tell_back(self._back, status)
         else:
             status.message = "not active"
         self._diagnostics.publish(report_message(status, self.clock.stamp()))

@@ -1,5 +1,6 @@
 """Samples that cannot be what was measured are found, named and left out; sound ones never."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -133,3 +134,54 @@ def test_the_part_between_two_times_keeps_its_clock() -> None:
             DataError, match=r"bag: no position from .* it lasts 60 s: correct --fr"
         ):
             usable(recording(), begin, end)
+
+
+def swing(time: np.ndarray) -> np.ndarray:
+    """A joint that passes from one order of magnitude of its readings to the next."""
+    return 1.6 * np.sin(0.9 * time) + 0.3 * np.sin(2.7 * time + 0.4)
+
+
+def of_one(time: np.ndarray, position: np.ndarray, origin: str = "column q, tau") -> Log:
+    position = position[:, np.newaxis]
+    signal = Signal(time, position, origin, columns=("column q",))
+    return Log("table", ("boom",), 0, signal, force=Signal(time, 10.0 * position, "column tau"))
+
+
+def five_digits(seed: int) -> Log:
+    """At 5 kHz, between two samples less than one step of the numbers above 1 passes."""
+    time = np.arange(0.0, 8.0, 2e-4)
+    return of_one(time, np.array([float(f"{one:.5g}") for one in swing(time)]))
+
+
+def sent_again(seed: int) -> Log:
+    """At 1 kHz a state in ten is sent twice, and stamps are off by 0.3 ms."""
+    rng = np.random.default_rng(seed)
+    row = np.arange(8000)
+    row -= rng.uniform(size=len(row)) < 0.1
+    row[0] = 0
+    time = np.sort(np.arange(len(row)) / 1e3 + rng.uniform(-3e-4, 3e-4, len(row)))
+    return of_one(time, swing(row / 1e3))
+
+
+def ringing(seed: int) -> Log:
+    """Smooth motion, with a vibration of 90 Hz that blows set off, and fades."""
+    time = np.arange(0.0, 8.0, 1e-3)
+    since = time - 4.0
+    rings = np.where(since > 0, 2e-4 * np.exp(-8 * since) * np.sin(2 * np.pi * 90 * since), 0.0)
+    return of_one(time, 0.1 * swing(time) + rings)
+
+
+@pytest.mark.parametrize("made", [five_digits, sent_again, ringing])
+def test_digits_repeats_and_vibrations_are_what_they_are(made: Callable[[int], Log]) -> None:
+    for seed in range(3):
+        assert usable(made(seed)).notes == ()
+
+
+@pytest.mark.parametrize("made", [five_digits, sent_again, ringing])
+def test_a_bad_sample_among_them_is_still_found(made: Callable[[int], Log]) -> None:
+    assert left_out(changed(made(0), 0, 5000, 0.05), 0) == [5000]
+
+
+def test_the_column_that_is_wrong_is_named_alone() -> None:
+    (note,) = usable(changed(ringing(0), 0, 5000, 0.05)).notes
+    assert note.startswith("position of boom (column q): 1 sample left out")

@@ -4,7 +4,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.data.resample import SHORTEST_RUN, resample, sampling_rate
+from crane_identification.data.resample import (
+    SHORTEST_RUN,
+    interruptions,
+    resample,
+    sampling_rate,
+    slowed,
+)
 from crane_model.errors import DataError
 
 RATE = 200.0
@@ -173,3 +179,31 @@ def test_other_signals_are_bridged_for_a_moment_and_unknown_for_longer() -> None
     np.testing.assert_array_equal(samples.command[100:110, 0], samples.command[99, 0])
     np.testing.assert_allclose(samples.supply_pressure[:400], np.cos(time[:400]), atol=1e-3)
     assert np.isnan(samples.supply_pressure[400:]).all()
+
+
+def test_a_lower_rate_brings_no_aliases() -> None:
+    """At 80 Hz, 70 Hz would come back as 10 Hz; what is slow stays as it is."""
+    time = np.arange(0.0, 10.0, 1e-3)
+    slow = np.column_stack([np.sin(2.0 * time), np.cos(3.0 * time)])
+    noisy = slow + 0.1 * np.sin(2 * np.pi * 70.0 * time)[:, np.newaxis]
+    log = slowed(log_of(Signal(time, noisy, "made"), Signal(time, noisy, "made")), 80.0)
+    for signal in (log.position, log.pressure_a):
+        assert signal is not None
+        at = signal.time[10:-10]
+        assert sampling_rate(signal.time) == pytest.approx(80.0)
+        expected = np.column_stack([np.sin(2.0 * at), np.cos(3.0 * at)])
+        np.testing.assert_allclose(signal.value[10:-10], expected, atol=1e-3)
+
+
+def test_a_lower_rate_keeps_gaps_and_slower_signals() -> None:
+    time = np.arange(0.0, 10.0, 1e-3)
+    kept = (time < 4.0) | (time > 6.0)
+    coarse = np.arange(0.0, 10.0, 0.02)
+    position = line(time[kept])
+    log = slowed(log_of(position, line(coarse)), 100.0)
+    ((begin, length),) = interruptions(log.position)
+    assert (begin, length) == (pytest.approx(4.0, abs=0.02), pytest.approx(2.0, abs=0.03))
+    assert log.pressure_a is not None and len(log.pressure_a.time) == len(coarse)
+    assert log.position.resolution is not None
+    same = log_of(position, line(coarse))
+    assert slowed(same, None) is same

@@ -105,6 +105,14 @@ def test_topics_of_any_name_and_type(storage: StoragePlugin, tmp_path: Path) -> 
     check(read_recording(write(tmp_path / "bag", storage), ["boom"], mapped()))
 
 
+def test_the_recorder_is_the_clock_of_mapped_topics_too(tmp_path: Path) -> None:
+    log = read_recording(write(tmp_path / "bag"), ["boom"], mapped())
+    assert log.position.received is not None
+    np.testing.assert_allclose(log.position.received - log.position.time, 0.002, atol=1e-9)
+    assert log.unstamped == ("/pressures",)
+    assert log.pressure_a is not None and log.pressure_a.received is None
+
+
 def test_joints_of_different_topics_share_the_times_of_the_first(tmp_path: Path) -> None:
     columns = MAP.replace("temperature:", "#").replace("joints:\n", "") + "\n"
     boom = yaml.safe_load(columns)["boom"]

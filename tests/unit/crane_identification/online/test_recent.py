@@ -6,9 +6,13 @@ from laboratory_crane import PLANAR_JOINTS
 from unit.crane_identification.recording_check.corruption import chambers
 from unit.crane_identification.recording_check.recorded import recorded
 
+from crane_bags.clocks import TimeBack
 from crane_identification.data.log import Log
-from crane_identification.online.recent import EVERY, LEAST, WINDOW, Recent
+from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
+from crane_identification.online.recent import EVERY, LEAST, WINDOW, Recent, Watched
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
+from crane_model.model_file import load_model
 
 TELESCOPE = 2
 
@@ -18,7 +22,7 @@ def good() -> Log:
     return recorded()
 
 
-def feed(recent: Recent, log: Log, start: float = 0.0, end: float = np.inf) -> None:
+def feed(recent: Recent | Watched, log: Log, start: float = 0.0, end: float = np.inf) -> None:
     """What a node hears from `start` to `end` [s]."""
     assert log.pressure_a is not None and log.pressure_b is not None
     for k, time in enumerate(log.position.time):
@@ -47,6 +51,27 @@ def test_exchanged_chambers_are_told_while_the_crane_moves(good: Log) -> None:
     assert recent.found is not None
     (suspicion,) = recent.found.decisive
     assert suspicion.where == "telescope" and "chambers A and B" in suspicion.cause
+
+
+def test_time_that_goes_back_begins_anew() -> None:
+    """The same data a second time: nothing counts twice, and what happened is told."""
+    log = recorded()
+    estimator = OnlineEstimator(load_model(machine_file("model.yaml")), OnlineOptions())
+    watched = Watched(estimator, Recent(load_machine(), PLANAR_JOINTS))
+    feed(watched, log, end=12.0)
+    once = estimator.samples
+    feed(watched, log, end=12.0)
+    assert estimator.samples == once > 0
+    assert watched.back.times == 1 and watched.back.is_news
+    assert str(watched.back).startswith("time went back by 12.0 s")
+
+
+def test_messages_that_overtake_one_another_are_no_clock_that_is_set() -> None:
+    back = TimeBack()
+    assert not any(back.comes("a", stamp * 10**6) for stamp in (0, 50, 20, 60, 300, 210))
+    assert back.times == 0
+    assert back.comes("a", 190 * 10**6) and back.by == pytest.approx(0.11)
+    assert not back.comes("b", 0)
 
 
 def test_only_the_last_seconds_are_looked_at_and_not_too_often(good: Log) -> None:

@@ -21,9 +21,11 @@ from unit.crane_identification.recording_check.corruption import (
 )
 from unit.crane_identification.recording_check.recorded import recorded
 
+from crane_bags.clocks import SetBack
 from crane_identification.data.log import Log, Signal
 from crane_identification.notation import spoken
 from crane_identification.recording_check.check import check, vetted
+from crane_identification.recording_check.suspicion import Verdict
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
 from crane_model.machine import Machine, load_machine
@@ -54,7 +56,7 @@ def with_forces(machine: Machine, log: Log, factor: float = 1.0) -> Log:
 def test_a_good_recording_is_not_suspected(machine: Machine, good: Log) -> None:
     for log in (good, with_forces(machine, good)):
         found = check(machine, log)
-        assert not found.suspicions and not found.unchecked
+        assert found.verdict is Verdict.RIGHT
 
 
 def spoilt() -> list:
@@ -270,6 +272,87 @@ def test_a_heavier_crane_than_the_machine_file_says_is_not_taken_for_a_mix_up(
     assert not check(anything, good).suspicions
 
 
+def coarse(step: float) -> Callable[[Log], Log]:
+    """Pressures in steps [Pa]."""
+    return lambda log: each(log, PRESSURES, lambda p: np.round(p / step) * step)
+
+
+@pytest.mark.parametrize("step", [0.1e6, 0.25e6, 0.5e6])
+def test_coarse_transducers_are_called_coarse(machine: Machine, good: Log, step: float) -> None:
+    found = check(machine, coarse(step)(good))
+    assert found.verdict is Verdict.DOUBTFUL and not found.unchecked
+    (suspicion,) = found.suspicions
+    assert suspicion.cause.startswith("coarse") and f"{step / 1e6:g} MPa" in suspicion.evidence
+
+
+@pytest.mark.parametrize("j", [INNER, OUTER, TELESCOPE])
+def test_a_coarse_transducer_may_be_stuck_as_well(machine: Machine, good: Log, j: int) -> None:
+    log = each(coarse(0.1e6)(good), ("pressure_a",), column(j, stuck))
+    assert any(
+        JOINTS[j] in one.where and "stuck" in one.cause for one in check(machine, log).decisive
+    )
+
+
+def lost(log: Log, begin: float, end: float, names: tuple[str, ...]) -> Log:
+    """Nothing of some signals from `begin` to `end` [s]."""
+
+    def outside(signal: Signal) -> Signal:
+        return signal.take(np.flatnonzero((signal.time < begin) | (signal.time > end)))
+
+    return replace(log, **{n: outside(s) for n in names if (s := getattr(log, n))})
+
+
+@pytest.mark.parametrize("names", [("position",), CHAMBERS])
+def test_a_gap_is_doubtful_and_has_a_place(
+    machine: Machine, good: Log, names: tuple[str, ...]
+) -> None:
+    found = check(machine, lost(good, 7.001, 9.5, names))
+    assert found.verdict is Verdict.DOUBTFUL
+    (gap,) = (one for one in found.suspicions if "missing" in one.cause)
+    assert gap.where == getattr(good, names[0]).origin
+    assert gap.evidence.startswith("nothing for 2.5") and gap.evidence.endswith("from 7 s on")
+
+
+def test_recordings_without_a_common_time_are_wrong(machine: Machine, good: Log) -> None:
+    apart = lost(lost(good, 10.0, np.inf, CHAMBERS), 0.0, 10.0, ("position",))
+    assert any("never recorded together" in one.cause for one in check(machine, apart).decisive)
+    late = lost(good, 0.0, 8.0, CHAMBERS)
+    assert any("only a part" in one.cause for one in check(machine, late).suspicions)
+
+
+def test_too_few_samples_are_wrong(machine: Machine, good: Log) -> None:
+    assert check(machine, lost(good, 0.05, np.inf, CHAMBERS)).verdict is Verdict.WRONG
+
+
+def test_an_effort_of_zeros_is_none(machine: Machine, good: Log) -> None:
+    log = each(with_forces(machine, good), ("force",), column(OUTER, np.zeros_like))
+    (found,) = check(machine, log).decisive
+    assert found.where.startswith("outer boom") and "zeros" in found.cause
+
+
+def test_an_encoder_that_is_frozen_from_the_first_sample(machine: Machine, good: Log) -> None:
+    frozen = each(good, ("position",), column(OUTER, lambda q: np.full_like(q, q[0])))
+    (found,) = check(machine, frozen).decisive
+    assert found.where == "outer boom" and "valve command" in found.evidence
+    silent = check(machine, replace(frozen, command=None))
+    assert silent.verdict is Verdict.DOUBTFUL
+    assert any("stood still, or" in one.cause for one in silent.suspicions)
+
+
+def test_time_that_went_back_is_wrong_from_a_share_on(machine: Machine, good: Log) -> None:
+    for behind, verdict in ((10, Verdict.DOUBTFUL), (300, Verdict.WRONG)):
+        back = SetBack(5, largest=10**7, interval=5 * 10**6, behind=behind, total=4000, logged=True)
+        log = replace(good, position=replace(good.position, set_back=back))
+        found = check(machine, log)
+        assert found.verdict is verdict
+        assert "goes back 5 times, by up to 0.01 s" in found.suspicions[0].evidence
+
+
+def test_stamps_that_are_unusable_are_told(machine: Machine, good: Log) -> None:
+    found = check(machine, replace(good, unstamped=("/joint_states",)))
+    assert found.verdict is Verdict.DOUBTFUL and "no usable stamp" in found.unchecked[0]
+
+
 def test_what_cannot_be_checked_is_said_and_not_refused(machine: Machine, good: Log) -> None:
     """No machine, sensors in counts, fewer joints, a crane that stands: other checks remain."""
     assert check(None, good).unchecked and not check(None, good).suspicions
@@ -278,9 +361,11 @@ def test_what_cannot_be_checked_is_said_and_not_refused(machine: Machine, good: 
     )
     found = check(machine, counts)
     assert not found.suspicions and "counts" in found.unchecked[0]
-    standing = each(good, ("position",), lambda q: np.broadcast_to(q[0], q.shape).copy())
+    standing = each(
+        replace(good, command=None), ("position",), lambda q: np.broadcast_to(q[0], q.shape).copy()
+    )
     found = check(machine, standing)
-    assert not found.suspicions and "motion needed" in found.unchecked[0]
+    assert not found.decisive and "motion needed" in found.unchecked[0]
     clipped_counts = each(counts, ("pressure_b",), column(OUTER, clipped))
     (suspicion,) = check(machine, clipped_counts).suspicions
     assert suspicion.where == f"{spoken(good.joints[OUTER])}, chamber B"

@@ -69,11 +69,7 @@ def test_periods_that_are_lost(report, averaging, words):
     assert any(words in warning and "train_0" in warning for warning in found)
 
 
-def test_gaps_resting_joints_and_what_a_log_says_of_itself(report):
-    source = report.fit.preparations[0].source
-    gap = replace(report.fit, preparations=(*report.fit.preparations, report.fit.preparations[0]))
-    assert any(source in w and "gaps" in w for w in warnings_of(report, gap))
-
+def test_resting_joints_and_what_a_log_says_of_itself(report):
     resting = report.fit.preparations[0].moving.copy()
     resting[:, 2] = False
     fits = replace(

@@ -1,0 +1,223 @@
+"""What the forces of any machine say of signs, zeros and units, by its own model or without one."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+from scipy.ndimage import binary_erosion
+from scipy.optimize import lsq_linear
+
+from crane_identification.data.log import Log
+from crane_identification.data.resample import resample
+from crane_identification.notation import spoken
+from crane_identification.recording_check.constants import (
+    ARM_BANDWIDTH,
+    BETTER,
+    CORRELATED,
+    LEAST_MOTION,
+    POOR,
+    ROWS,
+    SETTLING,
+    SIGMAS,
+    SLOW,
+    UNEXPLAINED,
+    WORKING_RATE,
+)
+from crane_identification.recording_check.suspicion import Suspicion
+from crane_model.cylinders import generalized_forces
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+from crane_model.record import Record
+
+ORDER = 4
+PADDING = 3 * ORDER
+TINY = float(np.finfo(float).tiny)
+TURNS = {"+90°": np.pi / 2, "-90°": -np.pi / 2, "180°": np.pi}  # that a zero may be off
+ROUNDS = 1000  # of finding factors and parameters in turn
+SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Motion and generalized force (n, j) behind one low-pass; `moving` (n, j) where friction has
+    one sign.
+    """
+
+    record: Record
+    force: np.ndarray
+    moving: np.ndarray
+
+    @classmethod
+    def of(cls, log: Log, model: Model | None) -> "Moved":
+        """The longest run without a gap; `DataError` if it is too short or nothing moves."""
+        samples = resample(log)
+        rows = np.flatnonzero(samples.run == np.bincount(samples.run).argmax())
+        if len(rows) <= PADDING or samples.rate <= 2.0 * ARM_BANDWIDTH:
+            raise DataError(f"{len(rows)} samples at {samples.rate:.3g} Hz are too few")
+        sections = signal.butter(ORDER, ARM_BANDWIDTH, fs=samples.rate, output="sos")
+        every = max(1, int(samples.rate / WORKING_RATE))
+        step = every / samples.rate
+
+        def smooth(values: np.ndarray) -> np.ndarray:
+            return np.asarray(
+                signal.sosfiltfilt(sections, values[rows], axis=0, padlen=PADDING)[::every]
+            )
+
+        position = smooth(samples.position)
+        velocity = np.gradient(position, step, axis=0)
+        force = samples.force
+        if force is None:
+            if model is None or model.machine is None or samples.pressure_a is None:
+                raise DataError("no forces, and no machine that makes them of pressures")
+            assert samples.pressure_b is not None  # a recording has both chambers
+            force = generalized_forces(
+                model.machine,
+                samples.position,
+                samples.pressure_a,
+                samples.pressure_b,
+                log.joints,
+            )
+        fast = np.abs(velocity) > SLOW * np.abs(velocity).max(axis=0)
+        around = max(1, round(SETTLING / step))
+        moving = np.stack([binary_erosion(one, iterations=around) for one in fast.T], axis=1)
+        if (moving.sum() * step) < LEAST_MOTION:
+            raise DataError(f"{LEAST_MOTION:g} s of motion needed, got {moving.sum() * step:.1f} s")
+        record = Record(
+            joints=log.joints,
+            time=samples.time[rows][::every],
+            position=position,
+            velocity=velocity,
+            acceleration=np.gradient(velocity, step, axis=0),
+        )
+        return cls(record, smooth(force), moving)
+
+
+def signs(moved: Moved) -> Iterator[Suspicion]:
+    """Joints whose force would feed friction and inertia alike; needs no model.
+
+    The force is regressed on weight and inertia of all joints, and on own friction.
+    """
+    q, v, a = moved.record.position, moved.record.velocity, moved.record.acceleration
+    shared = [np.ones((len(q), 1)), np.sin(q), np.cos(q), q, a]
+    for j, joint in enumerate(moved.record.joints):
+        rows = moved.moving[:, j]
+        columns = np.column_stack([*shared, np.sign(v[:, j]), v[:, j]])[rows]
+        if rows.sum() < 2 * columns.shape[1]:
+            continue
+        scale = np.linalg.norm(columns, axis=0)
+        scale[scale == 0.0] = 1.0
+        inverse = np.linalg.pinv(columns / scale, rcond=1e-6)
+        found = inverse @ moved.force[rows, j]
+        left = moved.force[rows, j] - columns / scale @ found
+        covariance = CORRELATED * np.mean(left**2) * (inverse @ inverse.T)
+        own = 1 + 3 * q.shape[1] + j
+        inertia = found[own] / max(float(np.sqrt(covariance[own, own])), TINY)
+        power = columns[:, -2:] / scale[-2:] @ found[-2:] * v[rows, j]
+        along = (columns[:, -2:] / scale[-2:] * v[rows, j, np.newaxis]).sum(axis=0)
+        doubt = float(np.sqrt(max(along @ covariance[-2:, -2:] @ along, 0.0)))
+        friction = float(power.sum()) / max(doubt, TINY)
+        if inertia < -SIGMAS and friction < -SIGMAS:
+            yield Suspicion(
+                spoken(joint),
+                f"friction would feed it with {-power.mean():.3g} W on average, and its inertia "
+                f"would be negative, by {-friction:.0f} and {-inertia:.0f} standard deviations",
+                "the sign of its force, or of its position, is turned",
+                decisive=True,
+            )
+
+
+class _Fit:
+    """Rows of (28) where joints move, each joint's scaled by the rms of its force."""
+
+    def __init__(self, model: Model, moved: Moved):
+        self.model, self.moved = model, moved
+        every = max(1, int(moved.moving.sum()) // (ROWS * 2))
+        used = np.zeros_like(moved.moving)
+        used[::every] = moved.moving[::every]
+        self.used, self.joint = used, np.nonzero(used)[1]
+        rms = np.sqrt((moved.force**2 * used).sum(axis=0) / np.maximum(used.sum(axis=0), 1))
+        self.scale = np.where(rms > 0.0, rms, 1.0)
+        self.force = (moved.force / self.scale)[used]
+        self.low = np.array(
+            [-np.inf if one.minimum is None else one.minimum for one in model.parameters]
+        )
+
+    def basis(self, record: Record) -> "_Basis":
+        """The columns of a motion."""
+        columns = (self.model.regressor(record) / self.scale[:, np.newaxis])[self.used]
+        norms = np.linalg.norm(columns, axis=0)
+        norms[norms == 0.0] = 1.0
+        return _Basis(*np.linalg.qr(columns / norms), self.low * norms)
+
+    def factors(self, basis: "_Basis") -> tuple[np.ndarray, float]:
+        """(j,) of the forces of the joints, that make them agree, the first 1; and what is left."""
+        count = len(self.scale)
+        factor, force = np.ones(count), self.force
+        own = np.bincount(self.joint, self.force**2, minlength=count)
+        for _ in range(ROUNDS):
+            predicted = basis.q @ (basis.q.T @ force)  # whatever the signs, for speed
+            along = np.bincount(self.joint, predicted * self.force, minlength=count)
+            factor = np.divide(along, own, out=np.ones(count), where=own > 0.0)
+            factor /= np.sqrt(np.mean(factor**2))
+            force = factor[self.joint] * self.force
+        return factor / factor[0], basis.left(force)
+
+
+class _Basis(NamedTuple):
+    """Columns of (28), of norm 1, as their factors (N, p) and (p, p), and least values (p,)."""
+
+    q: np.ndarray
+    r: np.ndarray
+    low: np.ndarray
+
+    def predicted(self, force: np.ndarray) -> np.ndarray:
+        """(N,) by the parameters that fit best, within their signs."""
+        found = lsq_linear(self.r, self.q.T @ force, bounds=(self.low, np.inf)).x
+        return np.asarray(self.q @ (self.r @ found))
+
+    def left(self, force: np.ndarray) -> float:
+        """Share (rms) of the force that is left."""
+        return float(np.linalg.norm(force - self.predicted(force)) / np.linalg.norm(force))
+
+
+def arm(model: Model, moved: Moved) -> Iterator[Suspicion]:
+    """What the model of the user cannot explain, and one mistake that would explain it."""
+    fit = _Fit(model, moved)
+    basis = fit.basis(moved.record)
+    left = basis.left(fit.force)
+    if left < POOR:
+        return
+    factors, by_factors = fit.factors(basis)
+    tried: list[tuple[float, str, str]] = []
+    for j, joint in enumerate(model.joints):
+        turned = np.where(fit.joint == j, -1.0, 1.0) * fit.force
+        tried.append((basis.left(turned), joint, "the sign of its force is turned"))
+        for name, angle in TURNS.items() if model.setting.units[joint] == "rad" else ():
+            position = moved.record.position.copy()
+            position[:, j] += angle
+            off = fit.basis(replace(moved.record, position=position))
+            what = f"its zero is off by {name} from that of the machine file"
+            tried.append((off.left(fit.force), joint, what))
+    without, joint, what = min(tried)
+    evidence = f"the model leaves {left:.0%} of the forces, without that {{:.0%}}"
+    if without < SIMPLER * by_factors and BETTER * without < left:
+        yield Suspicion(spoken(joint), evidence.format(without), what, decisive=True)
+    elif BETTER * by_factors < left and (factors > 0.0).all():
+        named = ", ".join(
+            f"{spoken(one)} {factor:.3g}" for one, factor in zip(model.joints, factors, strict=True)
+        )
+        yield Suspicion(
+            "forces",
+            evidence.format(by_factors),
+            f"each joint has another unit, as efforts in amperes have; factors that agree: {named}",
+            decisive=True,
+        )
+    elif left > UNEXPLAINED:
+        yield Suspicion(
+            "forces",
+            f"the model leaves {left:.0%} of them",
+            "the model lacks something, or several signs, zeros or units are wrong",
+            decisive=False,
+        )
