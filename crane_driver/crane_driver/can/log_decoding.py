@@ -45,7 +45,7 @@ def decode(
         _write(table.table(), out)
         return describe(log, table)
     assert mapping is not None  # checked above
-    bag = _write_bag(log, table, load_layout(machine, mapping, dbc), out)
+    bag = _write_bag(log, table, load_layout(machine, mapping, dbc, listen_only=True), out)
     return "\n".join([describe(log, table), *_describe_bag(out, bag)])
 
 
