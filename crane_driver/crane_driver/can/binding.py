@@ -3,7 +3,6 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import TypeVar
 
@@ -172,8 +171,20 @@ class _Binder:
             )
         elif not self.listen_only:
             self._check_side(key, signal_name, channel, least, most)
-        bound = (getattr(channel, one.name) for one in fields(channel))
-        self.commands[message.name].append(ValveChannel(*bound, least, most, direction))
+        self.commands[message.name].append(
+            ValveChannel(
+                channel.name,
+                channel.signal,
+                channel.gain,
+                channel.offset,
+                channel.low,
+                channel.high,
+                is_float=channel.is_float,
+                least=least,
+                most=most,
+                direction=direction,
+            )
+        )
 
     def _check_side(
         self, key: str, signal_name: str, channel: Channel, least: int, most: int

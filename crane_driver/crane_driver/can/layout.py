@@ -61,10 +61,11 @@ class ValveChannel(Channel):
         """Raw values of its signals for a command, -1 to 1."""
         if self.direction is None:
             return {self.signal: self.raw(min(max(command, self.least), self.most))}
-        count, neutral = self.raw(abs(command)), self.direction.neutral
-        side = self.direction.negative if command < 0.0 else self.direction.positive
-        still = count == self.raw(0.0) and neutral is not None
-        return {self.signal: count, self.direction.signal: neutral if still else side}
+        count = self.raw(abs(command))
+        way = self.direction.negative if command < 0.0 else self.direction.positive
+        if count == self.raw(0.0) and self.direction.neutral is not None:
+            way = self.direction.neutral
+        return {self.signal: count, self.direction.signal: way}
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,9 +86,11 @@ class SpoolSignal(Schema):
             raise ValueError(
                 "give signal, or both positive and negative (one-sided signals of one valve)"
             )
-        if self.direction and self.signal is None:
+        if self.direction is None:
+            return self
+        if self.signal is None:
             raise ValueError("direction belongs to signal; positive and negative need none")
-        if self.direction and self.direction.signal.split(".")[0] != self.signal.split(".")[0]:
+        if self.direction.signal.split(".")[0] != self.signal.split(".")[0]:
             raise ValueError(f"{self.direction.signal} and {self.signal} are not in one message")
         return self
 

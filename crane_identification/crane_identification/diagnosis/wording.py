@@ -193,7 +193,7 @@ def nearest(content: Content) -> list[str]:
 def own_terms(content: Content) -> list[str]:
     """What terms of the user's do that are not named, and why they are not."""
     out = []
-    for one in content["own_terms"]:
+    for one in content.get("own_terms", ()):
         if one["tried"]:
             out += _tried(one["tried"], content)
         else:
