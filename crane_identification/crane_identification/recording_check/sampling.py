@@ -7,7 +7,13 @@ import numpy as np
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import sampling_rate
 from crane_identification.notation import spoken
-from crane_identification.recording_check.constants import HELD, HELD_COUNTS, SLOWEST, SPEED_OVER
+from crane_identification.recording_check.constants import (
+    HELD,
+    HELD_COUNTS,
+    LEAST_RATE,
+    SLOWEST,
+    SPEED_OVER,
+)
 from crane_identification.recording_check.suspicion import Suspicion
 from crane_identification.signals.motion import encoder_resolution
 
@@ -21,7 +27,7 @@ def sampling(log: Log) -> Iterator[Suspicion]:
                 signal.origin,
                 f"{rate:.3g} samples a second, at least {SLOWEST:g} needed",
                 "too slow for accelerations and for the swinging of the crane; record faster",
-                decisive=True,
+                decisive=rate < LEAST_RATE,
             )
     yield from _held(log.position, log.joints)
 
