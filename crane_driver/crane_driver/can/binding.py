@@ -156,7 +156,9 @@ class _Binder:
             return
         if entry.full is None and UNITS[entry.unit.strip().casefold()][0] != "ratio":
             self._problem(
-                f"{key}.full", f"full is needed: the signal at full opening, in {entry.unit}"
+                f"{key}.full",
+                f"full is needed: the signal at full opening, in {entry.unit}; where each side of "
+                "the valve has a signal, name them as positive and negative",
             )
             return
         message, signal = found
