@@ -7,7 +7,7 @@ from setuptools import find_packages, setup
 PACKAGE = "crane_trajectory"
 TOOLS = {  # they run without ROS
     "design": "crane_trajectory.design:main",
-    "tune": "crane_trajectory.rehearsal.tune:main",
+    "tune": "crane_trajectory.tune:main",
 }
 NODES = {
     "run_excitation": "crane_trajectory.run_excitation_node:main",

@@ -17,8 +17,7 @@ from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
 from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.planted import planted
-from crane_sim.planted_hydraulics import hydraulics_of
+from crane_sim.planted import hydraulics_of, planted
 
 TOLD_LATE = 0.002  # s, from the stamp of a command until the spool is told
 

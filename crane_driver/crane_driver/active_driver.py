@@ -20,11 +20,11 @@ from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, joint_state, valve_output
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.commands import RefusedError
-from crane_driver.safety.news import Level
+from crane_driver.safety.states import Level
 from crane_interfaces.msg import PositionEstimate, SensorFindings, ValveCommand
 from crane_nodes.driver_client import LATCHED
+from crane_nodes.node_time import nanoseconds
 from crane_nodes.scheduling import RealTime, RealTimeSettings, ThreadClock
-from crane_nodes.stamps import nanoseconds
 
 DEPTH = 10  # messages
 FRAMES_AT_ONCE = 200  # a flood must not keep the valves waiting for their frames

@@ -4,23 +4,26 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec
-from crane_driver.can.foreign import ForeignCommands, HeardCommand, HeardCommands
 from crane_driver.can.frame import Frame
-from crane_driver.can.health import Monitor, usable
+from crane_driver.can.health import (
+    Acceptance,
+    ForeignCommands,
+    HeardCommand,
+    HeardCommands,
+    Monitor,
+    usable,
+)
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_driver.canopen.devices import Devices
 from crane_driver.faults import Fault
 from crane_driver.safety.commands import check_valves
-from crane_driver.safety.news import Level, News
-from crane_driver.safety.plausibility import PositionWatch, believed
-from crane_driver.safety.settings import SafetySettings
+from crane_driver.safety.limits import SafetySettings
+from crane_driver.safety.plausibility import JointEstimate, PositionWatch, believed
 from crane_driver.safety.stalls import StallWatch, behind
-from crane_driver.safety.states import SafetyState
-from crane_driver.safety.substitution import JointEstimate
+from crane_driver.safety.states import Level, News, SafetyState
 from crane_driver.safety.supervisor import Supervisor
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.linkages import motion

@@ -16,8 +16,7 @@ from crane_driver.can.bus import BusState
 from crane_driver.can.frame import show_id
 from crane_driver.can.health import Freshness, MessageStream
 from crane_driver.can.link import Link
-from crane_driver.canopen.devices import Node
-from crane_driver.canopen.watch import NodeState
+from crane_driver.canopen.devices import Node, NodeState
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
 from crane_driver.safety.states import SafetyState
 from crane_driver.safety.supervisor import Supervisor

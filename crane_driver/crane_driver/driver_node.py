@@ -29,7 +29,7 @@ from crane_driver.driver_messages import (
 from crane_driver.driver_parameters import DriverParameters, driver_parameters, read_parameters
 from crane_driver.lock_step import LockStepDriver
 from crane_driver.safety.commands import RefusedError
-from crane_driver.safety.settings import load_safety
+from crane_driver.safety.limits import load_safety
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_interfaces.srv import SubstituteEncoder
 from crane_model.errors import ConfigurationError, CraneError
@@ -37,12 +37,10 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
 from crane_model.urdf import urdf
 from crane_nodes.driver_client import LATCHED, STATE_TOPIC
-from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
-from crane_nodes.managed import AUTOSTART, run_managed
+from crane_nodes.managed import AUTOSTART, run_managed, say_ready
 from crane_nodes.names import full_name
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import declare, hold
-from crane_nodes.ready import say_ready
+from crane_nodes.parameters import MACHINE, declare, declare_machine, hold, read_again
 
 REPORT_PERIOD_S = 1.0
 DEPTH = 10  # messages

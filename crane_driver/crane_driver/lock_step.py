@@ -32,10 +32,17 @@ from crane_driver.can.simulated_time import TIME, step_frame, told_time
 from crane_driver.safety.states import SafetyState
 from crane_interfaces.msg import ValveCommand
 from crane_nodes.names import full_name
-from crane_nodes.node_time import CLOCK, CLOCK_TOPIC, TAKEN, TAKEN_TOPIC, NodeTime
+from crane_nodes.node_time import (
+    CLOCK,
+    CLOCK_TOPIC,
+    TAKEN,
+    TAKEN_TOPIC,
+    NodeTime,
+    nanoseconds,
+    stamp_of,
+)
 from crane_nodes.polled import Polled
 from crane_nodes.scheduling import PATIENCE_S, RealTimeSettings
-from crane_nodes.stamps import nanoseconds, stamp_of
 
 QUIET_NS = NANOSECONDS  # after which a crane that rests needs no more time
 REMARK_S = 5.0  # of real time, for which somebody is waited for without a word

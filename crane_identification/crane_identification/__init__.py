@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from crane_identification.options import Covariance as Covariance
     from crane_identification.options import Estimator as Estimator
     from crane_identification.options import Options as Options
-    from crane_identification.preparation.session import Session as Session
+    from crane_identification.preparation.prepare import Session as Session
     from crane_identification.progress_bar import ProgressBar as ProgressBar
     from crane_identification.validation.force_validation import Validation as Validation
 
@@ -30,9 +30,9 @@ __getattr__, __dir__, __all__ = lazily(
         "data.bag_log": ("read_bag",),
         "data.log": ("Log", "Signal"),
         "estimation.estimate": ("Estimate",),
-        "options": ("Covariance", "Estimator", "Options"),
         "fitting": ("FitResult", "fit", "validate"),
-        "preparation.session": ("Session",),
+        "options": ("Covariance", "Estimator", "Options"),
+        "preparation.prepare": ("Session",),
         "progress_bar": ("ProgressBar",),
         "validation.force_validation": ("Validation",),
     },

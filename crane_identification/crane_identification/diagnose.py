@@ -35,7 +35,7 @@ from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model, save_model
-from crane_model.progress import Progress
+from crane_model.progress_bar import Progress
 from crane_model.terms import load_terms
 
 WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crane_identification.data.log import Log
+from crane_identification.estimation.autoregression import LackOfFit, lack_of_fit
 from crane_identification.estimation.consistent import consistent
 from crane_identification.estimation.estimate import Estimate
 from crane_identification.estimation.excitation import (
@@ -14,23 +15,23 @@ from crane_identification.estimation.excitation import (
     too_little,
     undetermined_in_words,
 )
-from crane_identification.estimation.instrumental import instrumental
-from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
-from crane_identification.estimation.least_squares import least_squares
+from crane_identification.estimation.least_squares import (
+    instrumental,
+    least_squares,
+    robust,
+    weighted,
+)
 from crane_identification.estimation.physics import physics
 from crane_identification.estimation.prior import Measure, Prior
 from crane_identification.estimation.prior_check import PriorConflict, check_prior
-from crane_identification.estimation.regression import build_rows, common_factor, instruments
-from crane_identification.estimation.robust import robust
-from crane_identification.estimation.rows import Rows
-from crane_identification.estimation.weighted import weighted
+from crane_identification.estimation.regression import Rows, build_rows, common_factor, instruments
 from crane_identification.options import Estimator, Options
+from crane_identification.preparation.prepare import Session, prepare_all, prepare_moving
 from crane_identification.preparation.run import Preparation
-from crane_identification.preparation.session import Session, prepare_all, prepare_moving
 from crane_identification.validation.force_validation import Validation, compare
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 
 @dataclass(frozen=True)

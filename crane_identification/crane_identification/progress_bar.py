@@ -11,7 +11,7 @@ STEPS = 1000
 
 
 class ProgressBar:
-    """A `crane_model.progress.Progress` that draws bars on standard error."""
+    """A `crane_model.progress_bar.Progress` that draws bars on standard error."""
 
     def __init__(self) -> None:
         self._phase = ""

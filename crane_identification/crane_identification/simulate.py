@@ -9,7 +9,7 @@ from pathlib import Path
 from crane_identification.data.arguments import Sources, add_part
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.options import Options
-from crane_identification.preparation.session import prepare_all
+from crane_identification.preparation.prepare import prepare_all
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.report.terminal import ahead, console
 from crane_identification.validation.command_validation import (

@@ -11,12 +11,13 @@ Canceling and deactivation brake. Where there is nothing to control by, or contr
 last commands are neutral, as the driver asks. Pure: it knows no ROS and reads no clock.
 """
 
+import math
+from collections.abc import Mapping
 from enum import Enum, IntEnum, auto
 
 import numpy as np
 
 from crane_model.errors import RangeError
-from crane_trajectory.control.controller import command
 from crane_trajectory.control.interface import (
     ChamberPressures,
     ControlCondition,
@@ -26,10 +27,57 @@ from crane_trajectory.control.interface import (
     Wanted,
     in_words,
 )
-from crane_trajectory.control.tracking import PeriodicError, beyond
-from crane_trajectory.control.tuning import Blend, Tuning
-from crane_trajectory.motion.motion import Motion, Phase
-from crane_trajectory.motion.reference_clock import ReferenceClock, Target
+from crane_trajectory.control.pd_dead_zone import Blend, Tuning, command
+from crane_trajectory.motion.motion import Motion, Phase, ReferenceClock, Target
+
+# How far the crane was from its reference.
+
+
+class PeriodicError:
+    """Root mean square of the tracking error over whole periods; a begun period does not count."""
+
+    def __init__(self, joints: int, start: float, period: float, periods: int):
+        """Of so many joints (j); the periods begin at the time `start` [s] of the motion."""
+        self._start, self._period, self._periods = start, period, periods
+        self._current = 0
+        self._whole, self._begun = np.zeros((2, joints))
+        self._whole_count = self._begun_count = 0
+
+    def add(self, time: float, error: np.ndarray) -> None:
+        """The error (j,) at a time [s] of the motion; times rise."""
+        index = math.floor((time - self._start) / self._period)
+        if index > self._current:
+            self._whole += self._begun
+            self._whole_count += self._begun_count
+            self._begun[:], self._begun_count = 0.0, 0
+            self._current = index
+        if 0 <= index < self._periods:
+            self._begun += error**2
+            self._begun_count += 1
+
+    @property
+    def rms(self) -> np.ndarray:
+        """(j,) [rad, m]; NaN if no period is whole."""
+        if not self._whole_count:
+            return np.full_like(self._whole, np.nan)
+        return np.sqrt(self._whole / self._whole_count)
+
+
+def beyond(error: np.ndarray, tolerance: np.ndarray, units: Mapping[str, str]) -> str:
+    """Names the joints whose error (j,) is beyond the tolerance (j,); empty if there is none.
+
+    `units` of the joints are those of their machine.
+    """
+    far = np.abs(error) > tolerance
+    if not far.any():
+        return ""
+    return "; ".join(
+        f"{joint}: tracking error {error[i]:.4g} {unit} is beyond the tolerance "
+        f"{tolerance[i]:.4g} {unit}"
+        for i, (joint, unit) in enumerate(units.items())
+        if far[i]
+    )
+
 
 NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see neutral commands
 SETTLED_FOR = 0.3  # s at rest, after which the crane is taken to be at rest
@@ -298,3 +346,54 @@ class Experiment:
 def at_rest(velocity: np.ndarray, tuning: Tuning) -> bool:
     """Whether every joint is slower than its standstill speed; not if a velocity is not known."""
     return bool((np.abs(velocity) < tuning.gains.standstill_speed).all())
+
+
+# What is known of the crane, and what of it is in the way of an experiment.
+
+REST_TIME_S = 0.2  # without motion before an experiment
+
+
+class Readiness:
+    """Joint states as they come. Pure: it knows no ROS and reads no clock; `now` is of the steady
+    clock [s].
+    """
+
+    def __init__(self) -> None:
+        self.position: np.ndarray | None = None  # (j,) rad, m: the newest
+        self._heard = -math.inf  # when the newest joint state came
+        self._resting_since: float | None = None
+
+    def forget_states(self) -> None:
+        """As if no joint state had come."""
+        self.position = self._resting_since = None
+
+    def sample(
+        self, position: np.ndarray, velocity: np.ndarray, tuning: Tuning, now: float
+    ) -> None:
+        """A joint state (j,), (j,) [SI] has come."""
+        self.position, self._heard = position, now
+        if not at_rest(velocity, tuning):
+            self._resting_since = None
+        elif self._resting_since is None:
+            self._resting_since = now
+
+    def lacking(self, states_timeout: float, now: float) -> str:
+        """What is in the way of an experiment and what to do; empty if nothing is."""
+        if self.position is None or now - self._heard > states_timeout:
+            return "no joint states come; start the driver and see its /diagnostics"
+        if self._resting_since is None or now - self._resting_since < REST_TIME_S:
+            return "the crane is not at rest; bring it to rest"
+        return ""
+
+    def moved_from(self, start: np.ndarray, tuning: Tuning, units: Mapping[str, str]) -> str:
+        """Names the joints, of `units`, that are no longer where a motion starts (j,) [SI], within
+        half their tolerance; empty if there is none.
+        """
+        assert self.position is not None
+        way, most = np.abs(self.position - start), tuning.tolerance / 2
+        return "; ".join(
+            f"{joint}: moved by {way[i]:.4g} {unit} while its motion was planned, half the "
+            f"tolerance is {most[i]:.4g} {unit}"
+            for i, (joint, unit) in enumerate(units.items())
+            if way[i] > most[i]
+        )

@@ -9,13 +9,14 @@ Software is no safety stop: keep the emergency stop of the machine within reach.
 
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.subscription import Subscription
@@ -27,35 +28,73 @@ from crane_interfaces.msg import DriverState, JointReference
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverWatch
-from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
-from crane_nodes.managed import AUTOSTART, run_managed
+from crane_nodes.managed import AUTOSTART, run_managed, say_ready
 from crane_nodes.names import full_name
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import declare, hold
-from crane_nodes.ready import say_ready
+from crane_nodes.parameters import MACHINE, declare, declare_machine, hold, read_again
 from crane_nodes.scheduling import RealTime, RealTimeSettings
-from crane_trajectory.control.controller import compile_command
-from crane_trajectory.control.tuning import Tuning
-from crane_trajectory.controller_topics import Leading
-from crane_trajectory.experiment import Experiment, Outcome
+from crane_trajectory.control.pd_dead_zone import Tuning, compile_command
+from crane_trajectory.experiment import Experiment, Outcome, Readiness
 from crane_trajectory.motion.check import Clearance, load_clearance
 from crane_trajectory.motion.motion import Motion, compile_reference, plan
-from crane_trajectory.motion.periodic import PeriodicTrajectory
-from crane_trajectory.motion.reading import read_apart
-from crane_trajectory.readiness import Readiness
+from crane_trajectory.motion.periodic import PeriodicTrajectory, read_apart
 from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError, defect
-from crane_trajectory.trajectory_condition import condition
 from crane_trajectory.trajectory_parameters import (
     CLEARANCE,
     FIXED,
     LEARNT_OUTPUT,
     PRIORITY,
     STATES_TIMEOUT,
+    TuningParameters,
     parameters_of,
 )
-from crane_trajectory.trajectory_topics import reference_message, sample, several_sources
-from crane_trajectory.tuning_parameters import TuningParameters
-from crane_trajectory.valve_topics import Valves
+from crane_trajectory.trajectory_topics import (
+    Leading,
+    Valves,
+    reference_message,
+    sample,
+    several_sources,
+)
+
+# What /diagnostics says of the trajectory node.
+
+
+def condition(
+    name: str,
+    lifecycle: str,
+    experiment: Experiment | None,
+    last: str,
+    driver: str,
+    led: Mapping[str, str],
+    stamp: Time,
+) -> DiagnosticArray:
+    """State, phase and tracking error; `last` is how the last experiment has ended.
+
+    `led` is what the controller is led by and has learnt, in words.
+    """
+    found = DiagnosticStatus(name=f"{name}: experiment", level=DiagnosticStatus.OK)
+    values = {"state": lifecycle, "driver": driver, "last result": last, "phase": "rest"}
+    if experiment is None:
+        found.message = f"{lifecycle}, no experiment runs"
+        if lifecycle != "active":
+            found.level = DiagnosticStatus.STALE
+    else:
+        phase = experiment.stage.name.lower()
+        if experiment.target is not None:
+            phase += f", {experiment.target.phase.name.lower()}"
+        total = experiment.motion.duration
+        found.message = f"{phase}, {experiment.elapsed:.1f} of {total:.1f} s"
+        values["phase"] = phase
+        values["controller"] = experiment.controlled
+        units = experiment.motion.machine.units
+        for (joint, unit), error in zip(units.items(), experiment.tracking_error, strict=True):
+            values[f"tracking error, {joint} [{unit}]"] = f"{error:.4g}"
+    values |= led
+    found.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+    message = DiagnosticArray(status=[found])
+    message.header.stamp = stamp
+    return message
+
 
 WATCH_PERIOD_S = 0.01
 REPORT_PERIOD_S = 1.0

@@ -12,17 +12,17 @@ MODULES = {
     "Terms": (
         "crane_model.terms.term",
         "crane_model.terms.joint_term",
-        "crane_model.terms.effect",
-        "crane_model.terms.own",
+        "crane_model.terms.term",
+        "crane_model.terms.catalogue",
     ),
     "Bags": ("crane_bags.reader", "crane_bags.writer"),
     "Trajectories": (
-        "crane_trajectory.motion.fourier",
-        "crane_trajectory.motion.sweep",
+        "crane_trajectory.motion.periodic",
+        "crane_trajectory.motion.periodic",
         "crane_trajectory.motion.motion",
         "crane_trajectory.motion.check",
-        "crane_trajectory.excitation.merit",
-        "crane_trajectory.control.controller",
+        "crane_trajectory.excitation.criterion",
+        "crane_trajectory.control.pd_dead_zone",
     ),
     "Identification": (
         "crane_identification.data.log",
@@ -40,7 +40,7 @@ MODULES = {
     "Stand-in machine": (
         "crane_sim.make_bag",
         "crane_sim.parts.parameters",
-        "crane_sim.parts.variation",
+        "crane_sim.parts.parameters",
         "crane_sim.hiding.calibrate",
     ),
 }

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 
 from crane_driver.can.mapping import Mapping
-from crane_driver.safety.settings import SafetySettings
+from crane_driver.safety.limits import SafetySettings
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.diagnosis.flow.usual import Usual
 from crane_identification.thresholds import Thresholds
@@ -16,14 +16,13 @@ from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import _ModelFile
 from crane_model.sensors import SensorChain
-from crane_nodes.joint_notes import JointNotes
-from crane_sim.hiding.spec import Spec
+from crane_nodes.parameters import JointNotes
+from crane_sim.hiding.label import Spec
 from crane_sim.parts.parameters import StandIn
-from crane_trajectory.control.controller import Gains
-from crane_trajectory.excitation.settings import DesignSettings
+from crane_trajectory.control.pd_dead_zone import Gains
+from crane_trajectory.excitation.limits import DesignSettings
 from crane_trajectory.motion.check import Clearance
-from crane_trajectory.motion.fourier import FourierTrajectory
-from crane_trajectory.motion.sweep import SweepTrajectory
+from crane_trajectory.motion.periodic import FourierTrajectory, SweepTrajectory
 
 
 class Kind(NamedTuple):

@@ -10,7 +10,7 @@ from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.report.summary import ClusterSummary, Summary
 from crane_sim.hiding.label import Label
 from crane_trajectory.run_excitation_node import ExcitationResult
-from crane_trajectory.settling.answers import SettlingPlan
+from crane_trajectory.settling.settling import SettlingPlan
 from from_code.files import value_of
 
 

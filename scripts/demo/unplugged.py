@@ -23,15 +23,15 @@ from rclpy.action import ActionClient
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from crane_driver.operator.jog.keyboard import PAIRS
-from crane_driver.safety.settings import load_safety
+from crane_driver.operator.jog.jog_input import PAIRS
+from crane_driver.safety.limits import load_safety
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import DriverState, PositionEstimate, SensorFindings
 from crane_interfaces.srv import SubstituteEncoder
 from crane_model.machine import load_machine
 from crane_model.model_file import load_model
 from crane_nodes.driver_client import LATCHED
-from crane_nodes.stamps import nanoseconds
+from crane_nodes.node_time import nanoseconds
 from crane_sim.parts.parameters import load_stand_in
 
 USE = "unplugged"  # of its bag

@@ -6,17 +6,16 @@ import numpy as np
 from benchmarks.controlled_machines import Controlled
 
 from crane_model.machine_files import machine_file
-from crane_sim.plant.closed_loop import REST, SimulatedRecording, record
-from crane_sim.plant.late_plant import DELAY, LatePlant
+from crane_sim.plant.closed_loop import DELAY, REST, LatePlant, SimulatedRecording, record
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.interface import (
     ControlCondition,
     Controller,
     SensorReading,
     Wanted,
+    WrappedController,
 )
-from crane_trajectory.control.wrapped import WrappedController
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.motion import Motion
 
 SWINGS = 3.0  # Hz, above which speed beside the reference is ripple

@@ -11,8 +11,8 @@ from crane_benchmark.away.parts import Make
 from crane_benchmark.away.plant import AwayPlant
 from crane_model.machine import load_machine
 from crane_sim.parts.parameters import load_stand_in
-from crane_sim.plant.machine_in_motion import RecordedMachine
 from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import RecordedMachine
 
 MINUTE = 60.0  # s
 CYCLE = 0.005  # s

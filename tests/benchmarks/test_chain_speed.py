@@ -14,7 +14,7 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting
 from crane_model.terms.friction import Coulomb, Viscous
-from crane_model.terms.rotor_inertia import RotorInertia
+from crane_model.terms.rigid_body import RotorInertia
 from crane_model.terms.serial_rigid_body import SerialRigidBody
 from crane_model.terms.single_axis import Offset
 

@@ -30,12 +30,10 @@ from benchmarks.controlled_rows import (
 )
 
 from crane_model.machine_files import machine_file
-from crane_sim.plant.closed_loop import REST
-from crane_sim.plant.late_plant import LatePlant
+from crane_sim.plant.closed_loop import REST, LatePlant
 from crane_trajectory.control.choice import MAY_LEARN, OF_THE_MODEL, PD_DEAD_ZONE, learning
 from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
-from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries, load_trajectory
 
 CRANE: Controlled = stock()
 BESIDE_36 = (PD_DEAD_ZONE, *RECOMMENDED)

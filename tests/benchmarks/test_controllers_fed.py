@@ -17,9 +17,8 @@ from benchmarks.controlled_rows import (
 from crane_model.model_file import Model
 from crane_observer.scale.scale import Scale
 from crane_trajectory.control.choice import led_by_model
-from crane_trajectory.control.interface import Controller, SensorReading, Wanted
-from crane_trajectory.control.tip_load import FedLoad, ToldLoad
-from crane_trajectory.control.wrapped import WrappedController
+from crane_trajectory.control.interface import Controller, SensorReading, Wanted, WrappedController
+from crane_trajectory.control.load import FedLoad, ToldLoad
 
 LOAD, HEAVIEST = 100.0, 150.0  # kg
 AS_MUCH = 1.1  # times the largest step of a command without it

@@ -17,18 +17,14 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.terms import Setting
 from crane_model.terms.friction import Coulomb, Viscous
-from crane_model.terms.rotor_inertia import RotorInertia
+from crane_model.terms.rigid_body import RotorInertia
 from crane_model.terms.serial_rigid_body import SerialRigidBody
 from crane_model.terms.single_axis import Offset
-from crane_trajectory.excitation.columns import ColumnSet
-from crane_trajectory.excitation.criterion import Criterion, CriterionKind
-from crane_trajectory.excitation.derivatives import pull_back, smooth_record
-from crane_trajectory.excitation.limits import Limit
-from crane_trajectory.excitation.problem import ExcitationProblem
-from crane_trajectory.excitation.search import search, workers
-from crane_trajectory.excitation.settings import load_design_settings
+from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
+from crane_trajectory.excitation.limits import Limit, load_design_settings, pull_back, smooth_record
+from crane_trajectory.excitation.search import ExcitationProblem, search, workers
 from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.fourier import MotionSamples
+from crane_trajectory.motion.periodic import MotionSamples
 
 STARTS, CORES = 16, 2
 AT_MOST = 60.0  # s a design, on two cores

@@ -15,7 +15,7 @@ from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
 from crane_model.terms.gravity_and_load import Payload
-from crane_model.terms.load import Load
+from crane_model.terms.term import Load
 
 MASSES = {"a": 6.5, "b": 0.0, "c": 0.0, "d": 12.0, "e": 6.5}  # kg, of the recordings
 HELD_OUT = {"f": 9.0, "g": 0.0}

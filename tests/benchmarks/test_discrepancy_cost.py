@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 pytest.importorskip("mujoco")
 
-from crane_benchmark.answers.given import given
+from crane_benchmark.answers.answer_cases import given
 from crane_benchmark.cases.case import CaseKind, Site
 from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_benchmark.cases.make_cases import MakingJob, make_case

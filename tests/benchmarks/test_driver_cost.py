@@ -12,13 +12,13 @@ from contextlib import contextmanager
 
 from benchmarks.speed import loop_time, scaled
 
+from crane_driver.can.assembly import LEARNT
 from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import MachineCodec
-from crane_driver.can.cycles import LEARNT
 from crane_driver.can.frame import Frame
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, joint_state, valve_output
-from crane_driver.safety.settings import load_safety
+from crane_driver.safety.limits import load_safety
 from crane_driver.safety.states import SafetyState
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file

@@ -13,13 +13,15 @@ from scipy.optimize import minimize
 
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_trajectory.excitation.columns import ColumnSet
-from crane_trajectory.excitation.criterion import Criterion, CriterionKind
-from crane_trajectory.excitation.limits import Limit
-from crane_trajectory.excitation.merit import condition_numbers, one_period
-from crane_trajectory.excitation.problem import ExcitationProblem
-from crane_trajectory.excitation.search import search, workers
-from crane_trajectory.excitation.settings import Margins, load_design_settings
+from crane_trajectory.excitation.criterion import (
+    ColumnSet,
+    Criterion,
+    CriterionKind,
+    condition_numbers,
+    one_period,
+)
+from crane_trajectory.excitation.limits import Limit, Margins, load_design_settings
+from crane_trajectory.excitation.search import ExcitationProblem, search, workers
 from crane_trajectory.motion.check import load_clearance
 
 SEEDS = range(10)

@@ -20,17 +20,16 @@ from crane_benchmark.study.hydraulic_aims import AHEAD, AIMS, worst
 from crane_identification.data.arguments import Sources
 from crane_identification.data.log import Log
 from crane_identification.fitting import fit
-from crane_identification.hydraulics.identified import identify_hydraulics
-from crane_identification.hydraulics.joint_estimate import identify_joint
+from crane_identification.hydraulics.joint_estimate import identify_hydraulics, identify_joint
 from crane_identification.options import Options
 from crane_identification.report.summary import Summary
 from crane_identification.validation.command_validation import validate_commands
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
-from crane_model.progress import silent
+from crane_model.progress_bar import silent
 from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.plant.late_plant import mean_delay
-from crane_trajectory.motion.probe import Probe
+from crane_sim.plant.closed_loop import mean_delay
+from crane_trajectory.motion.periodic import Probe
 
 Measured = Callable[[str, str, str], None]
 

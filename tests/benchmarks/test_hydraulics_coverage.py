@@ -25,8 +25,7 @@ import crane_identification.hydraulics
 import crane_model.hydraulics
 import crane_sim
 from crane_identification.hydraulics.joint_estimate import identify_joint
-from crane_sim.parts.parameters import load_stand_in
-from crane_sim.parts.variation import vary, vary_valves
+from crane_sim.parts.parameters import load_stand_in, vary, vary_valves
 
 Measured = Callable[[str, str, str], None]
 

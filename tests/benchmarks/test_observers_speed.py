@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from unit.crane_observer.observed import known, recording
 
-from crane_observer.monitor.watching import SensorWatch
+from crane_observer.monitor.replay import SensorWatch
 from crane_observer.position.sensor import PositionSensor
 from crane_observer.scale.scale import Scale
 

@@ -16,10 +16,9 @@ from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Form, Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.hiding.calibrate import calibrate
-from crane_sim.hiding.spec import HiddenEffect, Spec
-from crane_sim.parts.parameters import load_stand_in
-from crane_sim.parts.variation import vary, vary_valves
-from crane_trajectory.control.controller import load_gains
+from crane_sim.hiding.label import HiddenEffect, Spec
+from crane_sim.parts.parameters import load_stand_in, vary, vary_valves
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 
 MACHINES = 40

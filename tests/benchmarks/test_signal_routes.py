@@ -25,7 +25,7 @@ from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_sim.planted import planted
-from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory

@@ -15,14 +15,12 @@ from sensor_msgs.msg import JointState
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.control.choice import controller
-from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.interface import Controller
-from crane_trajectory.control.tuning import Tuning
+from crane_trajectory.control.pd_dead_zone import Tuning, load_gains
 from crane_trajectory.experiment import Experiment
 from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.motion import ReferenceClock, plan
 from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.motion.reference_clock import ReferenceClock
 from crane_trajectory.trajectory_topics import command_message, reference_message, sample
 
 PERIOD = 0.005  # s

@@ -31,7 +31,7 @@ from crane_bags.types import (
 from crane_nodes import this_computer
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.executor import KeptExecutor
-from crane_nodes.stamps import nanoseconds
+from crane_nodes.node_time import nanoseconds
 
 PATIENCE = 900.0  # s, bounds a failing test
 SIMULATED = ("-p", "use_sim_time:=true")

@@ -25,7 +25,7 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
-from crane_trajectory.control.controller import command, load_gains
+from crane_trajectory.control.pd_dead_zone import command, load_gains
 
 MEASURED = ("inner_boom", "outer_boom")
 QUICK = ["--seconds", "0.5", "--rate", "0.1", "--repeats", "1"]

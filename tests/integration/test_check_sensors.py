@@ -9,7 +9,7 @@ import pytest
 from unit.crane_observer.observed import known
 
 from crane_identification.identify import main as identify
-from crane_identification.recording_check.sensors import lying
+from crane_identification.recording_check.check import lying
 from crane_model.configuration import load
 from crane_model.machine_files import machine_file
 from crane_model.model_file import save_model

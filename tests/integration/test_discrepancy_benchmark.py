@@ -86,7 +86,7 @@ def test_the_answering_process_sees_neither_labels_nor_what_made_them(finished):
         "import crane_benchmark.away.families",
         "import crane_benchmark.away.plant",
         "import crane_benchmark.cases.case_sets",
-        "import crane_benchmark.cases.session",
+        "import crane_benchmark.cases.case",
     )
     ended = subprocess.run(
         [sys.executable, "-c", PEEK, str(folders.top), name, *attempts],

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from crane_interfaces.action import RunExcitation
 from crane_model.model_file import load_model
 from crane_trajectory.experiment import Outcome
-from crane_trajectory.motion.probe import Probe
+from crane_trajectory.motion.periodic import Probe
 
 FALLEN_BACK = "pressures lost: using the load of the model"
 BEGUN = 6.0  # s of the goal

@@ -9,7 +9,7 @@ from crane_identification.fitting import fit
 from crane_identification.options import Options
 from crane_identification.recording_check.loads import split_by_load
 from crane_model.model_file import load_model
-from crane_model.progress import silent
+from crane_model.progress_bar import silent
 
 
 def test_presliding_on_a_narrow_motion_is_no_load_that_changes(tmp_path: Path) -> None:

@@ -21,9 +21,7 @@ from crane_interfaces.msg import CylinderPressures, TipLoad
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model, save_model
 from crane_observer.recording import HeardRecording
-from crane_observer.scale.lifts import HEADINGS, lifts
-from crane_observer.scale.replay import weigh
-from crane_observer.scale.scale import Scale
+from crane_observer.scale.scale import HEADINGS, Scale, lifts, weigh
 
 NODE = RUN.format(module="crane_observer.node.scale_node")
 DEEP = QoSProfile(depth=1000)

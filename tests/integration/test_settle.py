@@ -8,7 +8,7 @@ import pytest
 from integration.settled import HiddenCase, diagnosed, findings, narrowly_recorded, record, run
 
 from crane_trajectory.design import main as design
-from crane_trajectory.settling.answers import SettlingPlan
+from crane_trajectory.settling.settling import SettlingPlan
 
 CASE = HiddenCase("load_friction", "outer_boom", 0.03)
 

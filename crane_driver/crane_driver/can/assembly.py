@@ -1,14 +1,203 @@
 """Readings that several frames of one cycle bring, put together without mixing cycles."""
 
 import math
-from collections.abc import Iterable
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from crane_driver.can.cycles import CycleNumbers, Placed
-from crane_driver.can.decoder import Readings
-from crane_driver.can.layout import Layout
-from crane_driver.can.sampling import SamplingClock
+import numpy as np
+
+from crane_driver.can.decoder import Readings, SamplingClock
+from crane_driver.can.layout import Layout, MessageLayout
+from crane_driver.can.mapping import Timing
+from crane_driver.can.stream import DRIFT, Beat, FrameStream, find_beat, measured_cycle
+
+# Which cycle a frame belongs to, by the counters of the messages that are sent together.
+
+LEARNT = 60  # frames of each message, after which it is known which counters belong together
+LONGEST_LEARNING = 4  # times as many, after which devices sample at different instants
+AGAIN = 20  # frames after which it is tried again
+MOST_WAITING = 500  # frames of a message, on average
+ALIKE = 0.25  # cycles between prompt frames, below which they are of one instant of sampling
+APART = 0.6  # cycles, beyond which devices with clocks of their own have drifted by a whole one
+REFUSED = 10  # frames in a row whose cycle cannot be told, after which all is learnt anew
+
+
+class Placed(NamedTuple):
+    """A frame and the number of its cycle, one more from cycle to cycle of an epoch.
+
+    If it is not `proven`, the cycle can be another one by whole rounds of the counter.
+    """
+
+    epoch: int
+    number: int
+    proven: bool
+    readings: Readings
+
+
+class CycleNumbers:
+    """Numbers the frames of several messages so that those of one cycle have the same number.
+
+    Each message counts for itself, by counter and time (see `FrameStream`); which counts belong to
+    one instant of sampling is learnt from prompt frames, since a frame may be late and is never
+    early. Until then frames wait. All is learnt anew, in another `epoch`, where a device may have
+    restarted, and where counter and time contradict each other.
+    """
+
+    def __init__(self, messages: Sequence[MessageLayout], timing: Timing):
+        self._layouts = {one.name: one for one in messages}
+        self._missing = timing.missing
+        alone = len(messages) == 1  # of nothing that it could be confused with
+        self._least, self._refusals = (1, 0) if alone else (LEARNT, REFUSED)
+        self._streams: dict[str, FrameStream] = {}
+        self._offsets: dict[str, int] = {}
+        self._cycle = messages[0].cycle  # s, as measured
+        self._waiting: deque[Readings] = deque()
+        self._heard: dict[str, float] = {}  # while they wait: reception of the newest [s]
+        self._held: defaultdict[str, list[Placed]] = defaultdict(list)  # in doubt, by message
+        self._waited = 0  # frames since all was forgotten
+        self._refused = 0
+        self._epoch = 0
+        self.dropped: Counter[str] = Counter()  # frames whose cycle is not known, by message
+
+    @staticmethod
+    def possible(messages: Sequence[MessageLayout]) -> bool:
+        """Whether all have a counter and the same cycle time."""
+        counted = all(one.protection.counter for one in messages)
+        return counted and len({one.cycle for one in messages}) == 1
+
+    def place(self, readings: Readings) -> list[Placed]:
+        """The frames that have a number now, in order of reception."""
+        counter = self._counter(readings)
+        if counter is None:
+            self.dropped[readings.message] += 1
+            return []
+        if not self._streams:
+            return self._wait(readings)
+        stream = self._streams[readings.message]
+        if stream.silence(readings.steady) > self._missing:  # whoever comes back may count anew
+            self._forget()
+            return self._wait(readings)
+        index, proven = stream.index(counter, readings.steady)
+        self._refused = 0 if proven else self._refused + 1
+        if self._refused > self._refusals or not stream.known:
+            self._forget()
+            return self._wait(readings)
+        if proven:
+            self._follow(readings.message)
+        number = index - self._offsets[readings.message]
+        self._held[readings.message].append(Placed(self._epoch, number, proven, readings))
+        return [] if stream.doubtful else self._held.pop(readings.message)
+
+    def settle(self) -> list[Placed]:
+        """No more frames come: those that wait, if what the few that came show is clear."""
+        placed = self._learn(1)
+        self.dropped.update(one.message for one in self._waiting)
+        self._waiting.clear()
+        self._forget()
+        return placed
+
+    def _counter(self, readings: Readings) -> int | None:
+        """From 0; None where there is none, or one that does not exist."""
+        protection = self._layouts[readings.message].protection
+        if readings.counter is None:
+            return None
+        counter = readings.counter - protection.counter_first
+        return counter if 0 <= counter < protection.counter_count else None
+
+    def _wait(self, readings: Readings) -> list[Placed]:
+        waiting, message = self._waiting, readings.message
+        since = self._heard.get(message, readings.steady)
+        self._heard[message] = readings.steady
+        if readings.steady - since > self._missing * self._layouts[message].cycle:
+            return self.settle() + self._wait(readings)
+        waiting.append(readings)
+        if len(waiting) > MOST_WAITING * len(self._layouts):
+            self.dropped[waiting.popleft().message] += 1
+        self._waited += 1
+        ready = self._least == 1 or self._waited % AGAIN == 0
+        return self._learn(self._least) if ready else []
+
+    def _learn(self, least: int) -> list[Placed]:
+        """Find out, from at least so many frames of each message, which belong together."""
+        if self._heard.keys() != self._layouts.keys():
+            return []
+        received: dict[str, list[float]] = {name: [] for name in self._layouts}
+        counters: dict[str, list[int]] = {name: [] for name in self._layouts}
+        for one in self._waiting:
+            counter = self._counter(one)
+            assert counter is not None  # others do not wait
+            received[one.message].append(one.steady)
+            counters[one.message].append(counter)
+        frames = min(len(one) for one in received.values())
+        if frames < least:
+            return []
+        beats: dict[str, Beat] = {}
+        most = LONGEST_LEARNING * LEARNT
+        self._cycle = self._common_cycle(received, counters)
+        for name, layout in self._layouts.items():
+            times, counts = np.array(received[name][-most:]), np.array(counters[name][-most:])
+            beat = find_beat(times, counts, self._cycle, layout.protection.counter_count)
+            if beat is None:
+                return []
+            beats[name] = beat
+        first = next(iter(beats.values()))
+        apart = {name: (first.base - beat.base) / self._cycle for name, beat in beats.items()}
+        alike = all(abs(value - round(value)) < ALIKE for value in apart.values())
+        if not alike and frames < most:
+            return []
+        return self._begin(beats, {name: round(value) for name, value in apart.items()})
+
+    def _common_cycle(
+        self, received: dict[str, list[float]], counters: dict[str, list[int]]
+    ) -> float:
+        """By which all send [s]: what are sampled together have one cycle, and only times divided
+        by the same one give numbers that can be compared.
+        """
+        measured = [
+            measured_cycle(
+                np.array(received[name][-LEARNT:]),
+                np.array(counters[name][-LEARNT:]),
+                layout.cycle,
+                layout.protection.counter_count,
+            )
+            for name, layout in self._layouts.items()
+        ]
+        if max(measured) - min(measured) > DRIFT * min(measured):
+            return next(iter(self._layouts.values())).cycle
+        return float(np.mean(measured))
+
+    def _begin(self, beats: dict[str, Beat], offsets: dict[str, int]) -> list[Placed]:
+        self._streams = {
+            name: FrameStream(self._cycle, layout.protection.counter_count, beats[name])
+            for name, layout in self._layouts.items()
+        }
+        self._offsets, self._refused = offsets, 0
+        waiting = list(self._waiting)
+        self._waiting.clear()
+        placed = []
+        for one in waiting:
+            if self._streams and one.steady < beats[one.message].received:
+                self.dropped[one.message] += 1
+            else:
+                placed += self.place(one)
+        return placed
+
+    def _follow(self, name: str) -> None:
+        """Devices with clocks of their own drift apart: now and then one is a cycle behind."""
+        first, own = next(iter(self._streams.values())), self._streams[name]
+        drift = (first.base - own.base) / own.cycle - self._offsets[name]
+        if abs(drift) > APART:
+            self._offsets[name] += 1 if drift > 0.0 else -1
+
+    def _forget(self) -> None:
+        self.dropped.update({name: len(held) for name, held in self._held.items()})
+        self._held.clear()
+        self._streams, self._offsets, self._heard = {}, {}, {}
+        self._waited = 0
+        self._epoch += 1
+
 
 LONGEST_WAIT_CYCLES = 20  # cycles for which a frame is waited for
 CLOCK_SET = 1_000_000_000  # ns; the wall clock was set if it goes back by more

@@ -9,9 +9,17 @@ from typing import TypeVar
 from cantools.database.can import Message, Signal
 from cantools.j1939 import pgn_from_frame_id
 
-from crane_driver.can.bits import SignalBits
 from crane_driver.can.canopen_settings import identifiers
-from crane_driver.can.dbc import Dbc, load_dbc
+from crane_driver.can.dbc import (
+    Dbc,
+    code_bits,
+    fills_byte,
+    is_scaled,
+    load_dbc,
+    raw_limits,
+    to_channel,
+)
+from crane_driver.can.encoder import SignalBits
 from crane_driver.can.frame import show_id
 from crane_driver.can.layout import (
     UNPROTECTED,
@@ -36,7 +44,6 @@ from crane_driver.can.mapping import (
     spellings,
     unit_of,
 )
-from crane_driver.can.signals import code_bits, fills_byte, is_scaled, raw_limits, to_channel
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine

@@ -1,7 +1,8 @@
-"""Opening CAN buses from parameters, and what state they are in."""
+"""CAN buses: opened from parameters, and the options that name them."""
 
 import socket
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
@@ -11,8 +12,10 @@ import can
 from pydantic import Field
 
 from crane_driver.can.multicast import EchoFreeMulticastBus
-from crane_model.configuration import Schema
-from crane_model.errors import CraneError
+from crane_model.configuration import Schema, WrongYamlError, YamlText, validate
+from crane_model.errors import ConfigurationError, CraneError
+
+# Opening CAN buses from parameters, and what state they are in.
 
 Extra = bool | int | float | str
 
@@ -141,3 +144,33 @@ def _enlarge_receive_buffer(bus: can.BusABC) -> None:
         if descriptor >= 0:
             with socket.socket(fileno=socket.dup(descriptor)) as duplicate:
                 duplicate.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+
+
+# CAN bus settings from what a command line or a ROS parameter can carry.
+
+
+def bus_settings(
+    interface: str, channel: str = "", bitrate: int = 0, options: Sequence[str] = ()
+) -> BusSettings:
+    """Settings of a bus; an empty channel and bit rate 0 leave them to python-can.
+
+    options: further ones of the interface as KEY=VALUE, for example port=43113.
+    `ConfigurationError` names the option that is wrong.
+    """
+    extra: dict[str, Extra] = {}
+    for option in options:
+        key, equals, text = option.partition("=")
+        if not (key.isidentifier() and equals and isinstance(value := _value(text), Extra)):
+            raise ConfigurationError(
+                f"bus option '{option}': write KEY=VALUE, for example port=43113"
+            )
+        extra[key] = value
+    given = {"interface": interface, "channel": channel or None, "bitrate": bitrate or None}
+    return validate({**given, "extra": extra}, BusSettings, "bus")
+
+
+def _value(text: str) -> object:
+    try:
+        return YamlText(text).content
+    except WrongYamlError:
+        return None

@@ -1,14 +1,20 @@
-"""Judgement of the stream of frames: late, missing, repeated, lost; pure, by the steady clock."""
+"""Judgement of the bus: frames late or lost, commands not taken, and foreign valve frames."""
 
-from collections.abc import Sequence
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
-from crane_driver.can.decoder import Readings
-from crane_driver.can.layout import MessageLayout
+from crane_driver.can.decoder import Decoder, Readings
+from crane_driver.can.encoder import lost_frames
+from crane_driver.can.frame import Frame
+from crane_driver.can.layout import Layout, MessageLayout
 from crane_driver.can.mapping import Timing
-from crane_driver.can.protection import lost_frames
 from crane_driver.faults import UNUSABLE, Fault, FaultKind
+
+# Judgement of the stream of frames: late, missing, repeated, lost; pure, by the steady clock.
 
 
 class Freshness(IntEnum):
@@ -134,3 +140,161 @@ def _late(stream: MessageStream, gap: float) -> Fault:
         FaultKind.LATE,
         f"{gap * 1e3:.0f} ms since the last frame, cycle {stream.layout.cycle * 1e3:.0f} ms",
     )
+
+
+# Whether the machine takes the commands that it is sent, by the counters that it echoes.
+
+
+@dataclass(slots=True)
+class _Sent:
+    """What is known of the frames of one command message."""
+
+    layout: MessageLayout
+    since: float = math.inf  # s, steady: when the first frame was sent that nothing answers yet
+    frames: int = 0  # sent since the last echo
+    echo: int | None = None
+
+
+class Acceptance:
+    """Compares command frames that were sent with the counters of those that were accepted.
+
+    Every echo must have moved on since the last one if frames were sent meanwhile. When it has
+    not done so for `timeout` [s], frames do not get through: the machine does not hear them, or
+    finds them wrong.
+    """
+
+    def __init__(self, layout: Layout, timeout: float):
+        self._timeout = timeout
+        self._echoing = {one.name: one for one in layout.readings if one.echoes}
+        self._sent = {
+            (one.message.frame_id, one.message.is_extended_frame): _Sent(one)
+            for one in layout.commands
+        }
+        self._by_name = {one.layout.name: one for one in self._sent.values()}
+
+    def sent(self, frame: Frame, now: float) -> None:
+        """A command frame was sent."""
+        one = self._sent[frame.id, frame.extended]
+        one.frames += 1
+        one.since = min(one.since, now)
+
+    def observe(self, readings: Readings) -> list[Fault]:
+        """Faults that a frame with echoes shows; again after each `timeout` in which they last."""
+        if not readings.accepted:
+            return []
+        layout = self._echoing[readings.message]
+        faults = []
+        for command, echo in readings.accepted.items():
+            one = self._by_name[command]
+            rounds, rest = divmod(one.frames, one.layout.protection.counter_count)
+            moved = echo != one.echo or (rounds > 0 and rest == 0)  # whole rounds cannot be seen
+            waited = readings.steady - one.since
+            if moved:
+                one.since = math.inf
+            elif waited > self._timeout:
+                one.since = readings.steady
+                faults.append(
+                    layout.fault(
+                        FaultKind.NOT_ACCEPTED,
+                        f"{command} has been sent for {waited * 1e3:.0f} ms and none was accepted "
+                        f"(counter {echo}), limit {self._timeout * 1e3:.0f} ms",
+                    )
+                )
+            one.echo, one.frames = echo, 0
+        return faults
+
+
+# Valve frames on the bus that this driver did not send.
+
+REMEMBERED = 64  # own frames: a third of a second of them
+
+ANOTHER = "another node commands the valves ({said})"
+OWN = (
+    "a valve frame of this driver came back ({said}): a gateway or a recording repeats it, or the "
+    "interface returns what it sends (receive_own_messages); only one may command the valves"
+)
+
+
+class ForeignCommands:
+    """Watches the identifiers of the valve commands. The link leaves out its own echoes, so that
+    whatever still comes under one of them was sent by somebody else, or sent again.
+    """
+
+    def __init__(self, layout: Layout):
+        self._decoder = Decoder(layout.commands)
+        self._own: deque[Frame] = deque(maxlen=REMEMBERED)
+
+    def sent(self, frame: Frame) -> None:
+        """A valve frame was sent by this driver."""
+        self._own.append(frame)
+
+    def observe(self, frame: Frame) -> Fault | None:
+        """The fault that a received frame is; None if it is no valve command."""
+        layout = self._decoder.layout_of(frame)
+        if layout is None:
+            return None
+        again = any((one.id, one.data) == (frame.id, frame.data) for one in self._own)
+        said = (OWN if again else ANOTHER).format(said=self._said(frame))
+        return layout.fault(FaultKind.FOREIGN, said)
+
+    def _said(self, frame: Frame) -> str:
+        readings = self._decoder.decode(frame)
+        if readings is None or not readings.commands:
+            return f"data {frame.data.hex(' ')}"
+        spools = ", ".join(f"{joint} {value:.3g}" for joint, value in readings.commands.items())
+        if readings.enabled is None:
+            return spools
+        return f"{spools}; {'enabled' if readings.enabled else 'not enabled'}"
+
+
+class HeardCommand(NamedTuple):
+    """What all valves are commanded, as far as it is known, once a frame has come."""
+
+    stamp: int  # ns, of reception
+    commands: dict[str, float]  # joint: -1 to 1; NaN where it is not known
+
+
+class HeardCommands:
+    """What others command the valves, put together from their frames.
+
+    A valve keeps to its last command; after a silence of its message (`timing.missing`) its command
+    is not known. Valves that are not enabled are neutral, whatever the frame says.
+    """
+
+    def __init__(self, layout: Layout):
+        self._decoder = Decoder(layout.commands)
+        self._layouts = {one.name: one for one in layout.commands}
+        self._missing = layout.timing.missing  # cycles
+        self._heard: dict[str, float] = {}  # s, steady, by message
+        self._commands = dict.fromkeys(layout.valves, math.nan)
+
+    @property
+    def unknown(self) -> Mapping[tuple[int, bool], int]:
+        """Frames that are no valve command, by identifier (and whether it is extended)."""
+        return self._decoder.unknown
+
+    @property
+    def conflicts(self) -> Mapping[str, tuple[str, str]]:
+        """Valve commands that two devices send, and their identifiers."""
+        return self._decoder.conflicts
+
+    def observe(self, frame: Frame) -> tuple[HeardCommand | None, list[Fault]]:
+        """The commands after a frame, None if it says nothing of them; and its faults."""
+        readings = self._decoder.decode(frame)
+        if readings is None:
+            return None, []
+        if not any(fault.kind in UNUSABLE for fault in readings.faults):
+            self._heard[readings.message] = frame.steady
+            for name in _valves(self._layouts[readings.message]):
+                value = readings.commands.get(name, math.nan)
+                self._commands[name] = 0.0 if readings.enabled is False else value
+            for message, since in self._heard.items():
+                layout = self._layouts[message]
+                if frame.steady - since > self._missing * layout.cycle:
+                    self._commands |= dict.fromkeys(_valves(layout), math.nan)
+            return HeardCommand(frame.stamp, dict(self._commands)), readings.faults
+        return None, readings.faults
+
+
+def _valves(layout: MessageLayout) -> set[str]:
+    return {channel.name for channel in layout.commands}

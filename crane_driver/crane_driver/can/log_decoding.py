@@ -1,24 +1,273 @@
 """A bus log to a table of every signal, or to a bag of the crane's topics."""
 
+import math
 import shutil
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import tzinfo
 from importlib import import_module
 from pathlib import Path
+from typing import NamedTuple
 
-from crane_bags.clocks import MISORDERED
+import numpy as np
+
+from crane_bags.clocks import LARGEST_JUMP, MISORDERED
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
 from crane_bags.writer import BagWriter
+from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus_log import BusLog, Clock
-from crane_driver.can.dbc import load_dbc
+from crane_driver.can.codec import DriverCodec
+from crane_driver.can.dbc import by_group_alone, load_dbc
+from crane_driver.can.decoder import Readings
+from crane_driver.can.frame import Frame
+from crane_driver.can.health import HeardCommands, Monitor
 from crane_driver.can.layout import Layout
-from crane_driver.can.log_bag import LogBag
 from crane_driver.can.log_formats import open_log
-from crane_driver.can.log_report import beside, describe
-from crane_driver.can.log_table import LogTable
+from crane_driver.can.log_table import LogTable, Sender
+from crane_driver.can.mapping import LINES
+from crane_driver.faults import UNUSABLE, Fault
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import Machine
 from crane_model.progress_bar import progress_bar
+
+# What was in a bus log, in words: frames, cycle times, gaps, what could not be decoded.
+
+MANY_CYCLES = 3  # a gap is longer than so many median cycles
+LONGEST_LIST = 10  # unknown identifiers that are named
+
+
+class Cycle(NamedTuple):
+    """Timing of the frames of one identifier over the log."""
+
+    id: str
+    message: str
+    frames: int
+    declared: float | None  # s, the DBC's cycle time
+    median: float  # s, NaN for a single frame
+    longest_gap: float  # s without a frame, the ends of the log included
+    longest_gap_at: float  # s after the first frame of the log, where it begins
+    gaps: int
+
+
+def cycles(table: LogTable) -> list[Cycle]:
+    """Timing of every decoded identifier, by message."""
+    found = [_cycle(sender, table.first, table.last) for sender in table.senders.values()]
+    return sorted(found, key=lambda one: (one.message, one.id))
+
+
+def _cycle(sender: Sender, first: int, last: int) -> Cycle:
+    stamps = np.array(sender.stamps, dtype=np.int64)
+    ends = np.concatenate(([first], stamps, [last]))
+    silences = np.diff(ends) / 1e9
+    median = float(np.median(silences[1:-1])) if len(stamps) > 1 else np.nan
+    longest = int(np.argmax(silences))
+    declared = sender.message.cycle_time
+    return Cycle(
+        sender.id,
+        sender.message.name,
+        len(stamps),
+        declared / 1000 if declared else None,
+        median,
+        float(silences[longest]),
+        float(ends[longest] - first) / 1e9,
+        int(np.count_nonzero(silences > MANY_CYCLES * median)),
+    )
+
+
+def describe(log: BusLog, table: LogTable) -> str:
+    """The report on a log that was read to its end."""
+    duration = (table.last - table.first) / 1e9
+    unknown, failed = table.unknown.total(), table.failed.total()
+    lines = [
+        f"{table.frames} frames read over {duration:.3f} s: {table.decoded} decoded, {unknown} of "
+        f"{len(table.unknown)} unknown ids, {failed} not decodable",
+        *(f"beside them {text}" for text in beside(log)),
+        *_about_stamps(log),
+        "",
+        f"{'message':24} {'id':>8} {'frames':>7} {'cycle [ms]':>11} {'in DBC':>7} "
+        f"{'gaps':>5} {'longest gap':>13}",
+    ]
+    for one in cycles(table):
+        declared = f"{one.declared * 1e3:g}" if one.declared else "-"
+        lines.append(
+            f"{one.message:24} {one.id:>8} {one.frames:7} {one.median * 1e3:11.2f} {declared:>7} "
+            f"{one.gaps:5} {one.longest_gap * 1e3:7.1f} ms at {one.longest_gap_at:.3f} s"
+        )
+    lines += ["", f"a gap is longer than {MANY_CYCLES} median cycles"]
+    for (identifier, message, reason), count in table.failed.most_common():
+        lines.append(f"not decodable: {count} frames of {message} ({identifier}): {reason}")
+    if table.codes:
+        counts = [f"{name}: {count} x {code}" for (name, code), count in table.codes.items()]
+        lines.append(
+            "not measurements, but codes of J1939 for which the DBC states no range: "
+            f"{', '.join(counts)}"
+        )
+    if guessed := [
+        f"{one.id} as {one.message.name}"
+        for one in table.senders.values()
+        if by_group_alone(one.message, one.id)
+    ]:
+        lines.append(
+            f"by group number (PGN) alone, as in J1939, which the DBC does not say: "
+            f"{', '.join(guessed)}"
+        )
+    if unknown:
+        named = [f"{name}: {count}" for name, count in table.unknown.most_common(LONGEST_LIST)]
+        more = len(table.unknown) - len(named)
+        lines.append(f"unknown ids: {', '.join(named)}" + (f", and {more} more" if more else ""))
+    return "\n".join(lines)
+
+
+def beside(log: BusLog) -> list[str]:
+    """Counts of everything in a log that was not read as a data frame."""
+    counts = {
+        "damaged lines, skipped": log.damaged,
+        "error frames": log.errors,
+        "remote frames": log.remote,
+        "frames of other channels": log.others,
+        **log.events,
+    }
+    return [f"{count} {what}" for what, count in counts.items() if count]
+
+
+def _about_stamps(log: BusLog) -> list[str]:
+    lines = []
+    if log.clock is Clock.START:
+        lines.append("the log states no date: its stamps count seconds from its beginning")
+    elif log.stamps is Clock.LOCAL:
+        lines.append(
+            "the log holds local time and does not state its zone: its stamps are kept as they "
+            "are; for UTC name the zone, for example --zone Europe/Berlin"
+        )
+    elif log.clock is Clock.LOCAL:
+        lines.append(f"the log holds local time, of the zone {log.zone}")
+    if log.lost_steps:
+        lines.append(
+            f"stamps are relative, and {log.lost_steps} damaged lines hold none: all behind such a "
+            "line is too early by what it held"
+        )
+    if log.set_back:
+        lines.append(log.back_in_words)
+    if log.broken:
+        lines.append(f"the log is damaged behind them, and was read no further: {log.broken}")
+    return lines
+
+
+# A bus log of a crane as the bag that the driver's topics would have made.
+
+
+class LogBag:
+    """Writes /joint_states, /cylinder_pressures and /valve_command from frames, those that the
+    mapping has.
+
+    Velocity and effort are NaN: they are no measurements, and who reads the bag computes them.
+    """
+
+    def __init__(self, bag: BagWriter, layout: Layout):
+        self._driver, self._heard = DriverCodec(layout), HeardCommands(layout)
+        self._monitor: Monitor | None
+        self._newest: int  # ns
+        self._layout = layout
+        self._begin()
+        self._cylinders = list(
+            dict.fromkeys(name.split(".")[0] for name in layout.pressures if name not in LINES)
+        )
+        self._joint_states = bag.add_arrays(JOINT_STATES, layout.positions)
+        self._nothing = np.full(len(layout.positions), np.nan)
+        self._cylinder_pressures = (
+            bag.add_arrays(CYLINDER_PRESSURES, self._cylinders) if self._cylinders else None
+        )
+        self._valve_command = (
+            bag.add_arrays(VALVE_COMMAND, layout.valves) if layout.valves else None
+        )
+        self._left_out = 0  # cycles, before time went back
+        self.written: Counter[str] = Counter()  # messages by topic
+        self.faults: Counter[tuple[str, str]] = Counter()  # by message and kind
+
+    @property
+    def incomplete(self) -> int:
+        """Cycles of positions or pressures left out because one of their frames is not there."""
+        return self._left_out + self._positions.incomplete + self._pressures.incomplete
+
+    @property
+    def unused(self) -> Mapping[tuple[int, bool], int]:
+        """Frames that the mapping does not use, by identifier (and whether it is extended)."""
+        unknown = self._heard.unknown
+        return {key: count for key, count in self._driver.unknown.items() if key in unknown}
+
+    def add(self, frame: Frame) -> None:
+        """Write what this frame completes; if time goes back, cycles begin anew.
+
+        `DataError` if two devices send one message.
+        """
+        if frame.stamp < self._newest - LARGEST_JUMP:
+            self.finish()
+            self._left_out = self.incomplete
+            self._begin()
+        self._newest = max(self._newest, frame.stamp)
+        command, faults = self._heard.observe(frame)
+        self._count(faults)
+        if command and self._valve_command:
+            spool = list(command.commands.values())
+            self._valve_command.write(command.stamp, command.stamp, spool)
+            self.written[VALVE_COMMAND.name] += 1
+        if readings := self._driver.decode(frame):
+            self._monitor = self._monitor or Monitor(
+                self._layout.readings, self._layout.timing, frame.steady
+            )
+            faults = [*self._monitor.check(frame.steady), *self._monitor.observe(readings)]
+            self._count(faults)
+            if not any(fault.kind in UNUSABLE for fault in faults):
+                self._readings(readings)
+        for message, (first, second) in (self._driver.conflicts | self._heard.conflicts).items():
+            raise DataError(
+                f"message {message}: {first} and {second} both send it, and the DBC names neither; "
+                "write the id of the device that is meant into the DBC, or each as a message"
+            )
+
+    def _begin(self) -> None:
+        self._newest = 0
+        self._monitor = None
+        self._positions = Assembly(self._layout, "positions")
+        self._pressures = Assembly(self._layout, "pressures")
+
+    def finish(self) -> None:
+        """Write what still waits for other frames, of which no more come."""
+        self._write(self._positions.finish(), self._pressures.finish())
+
+    def _readings(self, readings: Readings) -> None:
+        self._write(self._positions.add(readings), self._pressures.add(readings))
+
+    def _write(self, positions: Iterable[Complete], pressures: Iterable[Complete]) -> None:
+        for complete in positions:
+            position = list(complete.values.values())
+            self._joint_states.write(
+                complete.stamp, complete.stamp, position, self._nothing, self._nothing
+            )
+            self.written[JOINT_STATES.name] += 1
+        if self._cylinder_pressures is None:
+            return
+        for complete in pressures:
+            self._cylinder_pressures.write(
+                complete.stamp, complete.stamp, *self._pressure_fields(complete)
+            )
+            self.written[CYLINDER_PRESSURES.name] += 1
+
+    def _pressure_fields(self, complete: Complete) -> list[list[float] | float]:
+        value = complete.values
+        return [
+            [value.get(f"{one}.a", math.nan) for one in self._cylinders],
+            [value.get(f"{one}.b", math.nan) for one in self._cylinders],
+            value.get("supply", math.nan),
+            value.get("tank", math.nan),
+        ]
+
+    def _count(self, faults: Iterable[Fault]) -> None:
+        for fault in faults:
+            self.faults[fault.source, str(fault.kind)] += 1
+
 
 TABLES = (".csv", ".parquet")
 

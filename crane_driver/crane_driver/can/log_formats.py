@@ -16,8 +16,16 @@ from can.io.generic import BinaryIOMessageReader, MessageReader, TextIOMessageRe
 from crane_bags.fields import read_messages
 from crane_bags.types import CAN_FRAMES
 from crane_driver.can.asc import AscLog
-from crane_driver.can.bus_log import BusLog, Clock, Entry, content, nanoseconds
-from crane_driver.can.candump import IDENTIFIER, LINE, CandumpLog
+from crane_driver.can.bus_log import (
+    IDENTIFIER,
+    LINE,
+    BusLog,
+    CandumpLog,
+    Clock,
+    Entry,
+    content,
+    nanoseconds,
+)
 from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
 

@@ -10,11 +10,10 @@ import numpy as np
 from cantools.database import DecodeError
 from cantools.database.can import Message
 
-from crane_driver.can.bits import SignalBits
 from crane_driver.can.bus_log import Clock
-from crane_driver.can.dbc import Dbc
+from crane_driver.can.dbc import Code, Dbc, code_bits, code_of
+from crane_driver.can.encoder import SignalBits
 from crane_driver.can.frame import Frame, show_id
-from crane_driver.can.signals import Code, code_bits, code_of
 from crane_model.errors import DataError
 
 if TYPE_CHECKING:

@@ -1,11 +1,16 @@
-"""Positions that no joint can have: an encoder that is frozen, or that jumps, is not believed."""
+"""Encoders that cannot be trusted: frozen, jumping, found faulty, or replaced by an estimate."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple, Self
 
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.settings import SafetySettings
+from crane_driver.safety.commands import RefusedError
+from crane_driver.safety.limits import DegradedSettings, SafetySettings
+from crane_driver.safety.states import Level, News
 from crane_model.machine import JointLimits
+
+# Positions that no joint can have: an encoder that is frozen, or that jumps, is not believed.
 
 STILL_STEPS = 3.0  # of the encoder, within which a reading counts as unchanged
 
@@ -124,3 +129,133 @@ def believed(
         if not watch.believed:
             found[joint] = math.nan
     return found, wrong
+
+
+# Encoders that the sensor monitor has found to lie: they lead the crane nowhere.
+
+
+class LyingEncoders:
+    """Those that were found since the driver began, until the monitor forgets them.
+
+    What was found before concerns readings that this driver never made: it is told, and nothing
+    follows from it.
+    """
+
+    def __init__(self) -> None:
+        self._standing: dict[str, str] = {}  # joint: what is wrong
+        self._before: set[str] = set()  # joints
+
+    def take(self, told: Mapping[str, str], before: bool) -> tuple[list[Fault], list[News]]:
+        """What is new in all that the monitor has found, joint by joint, and what to log.
+
+        before: whether it was found before the driver began.
+        """
+        old = set(told) if before else self._before & set(told)
+        news = [
+            News(Level.WARNING, f"{joint}: {told[joint]}, found before this driver began: not "
+                 "heeded; if it is not mended, mend it, then let sensor_monitor forget it")
+            for joint in sorted(old - self._before)
+        ]  # fmt: skip
+        faults = [
+            Fault(FaultKind.LYING, what, joint)
+            for joint, what in told.items()
+            if joint not in old and joint not in self._standing
+        ]
+        self._before = old
+        self._standing = {joint: what for joint, what in told.items() if joint not in old}
+        return faults, news
+
+    def problem(self, substituted: str) -> str:
+        """Why the crane may not be enabled; empty if it may. The encoder that is substituted is not
+        believed anyway.
+        """
+        wrong = [
+            f"{joint}: {what}" for joint, what in self._standing.items() if joint != substituted
+        ]
+        if not wrong:
+            return ""
+        return (
+            f"{'; '.join(wrong)}; mend it and let sensor_monitor forget it, or go on without it "
+            "by substitute"
+        )
+
+
+# One joint that goes on by an estimate, because its encoder is lost.
+
+USABLE = ("GOOD", "ENCODER_LOST")  # conditions of an estimate that may lead a joint
+CAUTION = 3.0  # standard deviations, by which an estimate may be wrong
+
+
+class JointEstimate(NamedTuple):
+    """What is told of a joint that turns [rad, rad/s] or slides [m, m/s]."""
+
+    time: float  # s, steady, of the readings that it rests on
+    position: float
+    velocity: float
+    deviation: float  # standard deviation of the position
+    condition: str  # of the estimate, by name
+
+
+class Substitution:
+    """The newest estimate of a joint, and whether it may take the place of its encoder."""
+
+    def __init__(self, joint: str, settings: DegradedSettings):
+        self.joint = joint
+        self._settings = settings
+        self._newest: JointEstimate | None = None
+
+    @classmethod
+    def permitted(
+        cls, joint: str, valves: Collection[str], settings: DegradedSettings | None
+    ) -> Self:
+        """`RefusedError` where the settings do not allow it."""
+        if joint not in valves:
+            raise RefusedError(
+                f"no substitute for {joint}: there are valves for {', '.join(valves)}"
+            )
+        if settings is None or joint not in settings.deviation:
+            raise RefusedError(
+                f"no substitute for {joint}: degraded.deviation of safety.yaml does not name it"
+            )
+        return cls(joint, settings)
+
+    def tell(self, estimate: JointEstimate, now: float) -> None:
+        """Take a newer estimate; one that is no number, older than the last, or of the future is
+        left out, so that it is missed.
+        """
+        newer = self._newest is None or estimate.time > self._newest.time
+        if newer and estimate.time <= now and all(map(math.isfinite, estimate[:-1])):
+            self._newest = estimate
+
+    def problem(self, now: float) -> str:
+        """Why the estimate may not be used at `now` [s]; empty if it may."""
+        if self._newest is None:
+            return "no estimate of its position has come; start position_sensor"
+        age, deviation = now - self._newest.time, self._newest.deviation
+        if age > self._settings.timeout:
+            return (
+                f"its estimate is {age * 1e3:.0f} ms old, limit "
+                f"{self._settings.timeout * 1e3:.0f} ms"
+            )
+        if self._newest.condition not in USABLE:
+            return f"its estimate is {self._newest.condition}, not {' or '.join(USABLE)}"
+        if deviation > self._settings.deviation[self.joint]:
+            return (
+                f"the standard deviation of its estimate is {deviation:.3g}, limit "
+                f"{self._settings.deviation[self.joint]:g}"
+            )
+        return ""
+
+    def motion(self, now: float) -> tuple[float, float]:
+        """Position and velocity, as the joint went on since; NaN where they may not be used."""
+        if self._newest is None or self.problem(now):
+            return math.nan, math.nan
+        went_on = self._newest.velocity * (now - self._newest.time)
+        return self._newest.position + went_on, self._newest.velocity
+
+    def towards(self, command: float, now: float) -> float:
+        """The position as far in the direction of a command as it may be."""
+        position, _ = self.motion(now)
+        if self._newest is None or not command:
+            return position
+        return position + math.copysign(CAUTION * self._newest.deviation, command)

@@ -1,7 +1,13 @@
-"""The states of the driver and all that leads from one to another, as one table."""
+"""The states of the driver, latched faults, and what it says in its log."""
 
-from enum import StrEnum
-from typing import Self
+from collections import UserDict
+from dataclasses import dataclass
+from enum import Enum, StrEnum, auto
+from typing import NamedTuple, Self
+
+from crane_driver.faults import IN_EVERY_STATE, Fault
+
+# The states of the driver and all that leads from one to another, as one table.
 
 
 class SafetyState(StrEnum):
@@ -73,3 +79,52 @@ TRANSITIONS: dict[tuple[SafetyState, Event], SafetyState] = {
 
 LETTING_THROUGH = frozenset({SafetyState.ENABLED, SafetyState.DEGRADED})
 """In these, commands reach the valves."""
+
+
+# Faults, kept until they are reset.
+
+
+@dataclass
+class Latched:
+    """A fault since the last reset: what was said first, and how often it came."""
+
+    fault: Fault
+    count: int = 1
+
+
+class LatchedFaults(UserDict[str, Latched]):
+    """By kind and source, in the order in which they came first."""
+
+    @property
+    def first(self) -> Fault | None:
+        """The one that is told: others that are latched follow from it, most of the time."""
+        faults = [one.fault for one in self.values()]
+        return next((one for one in faults if one.kind in IN_EVERY_STATE), next(iter(faults), None))
+
+    def add(self, fault: Fault) -> bool:
+        """Whether it is a new one."""
+        key = f"{fault.kind} {fault.source}".strip()
+        if key in self:
+            self[key].count += 1
+            return False
+        self[key] = Latched(fault)
+        return True
+
+
+# What the driver has to say in its log.
+
+
+class Level(Enum):
+    """How much it matters."""
+
+    DEBUG = auto()  # a consequence of what was said
+    INFO = auto()  # a state
+    WARNING = auto()  # what was refused, and what devices report
+    ERROR = auto()  # a fault
+
+
+class News(NamedTuple):
+    """One line of the log."""
+
+    level: Level
+    text: str

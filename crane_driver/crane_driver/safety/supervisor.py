@@ -5,15 +5,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from crane_driver.faults import IN_EVERY_STATE, Fault, FaultKind
-from crane_driver.safety.commands import RefusedError, ramped
-from crane_driver.safety.latch import LatchedFaults
-from crane_driver.safety.limits import JointLimiter
-from crane_driver.safety.lying import LyingEncoders
-from crane_driver.safety.news import Level, News
-from crane_driver.safety.series import CommandSeries
-from crane_driver.safety.settings import SafetySettings
-from crane_driver.safety.states import LETTING_THROUGH, TRANSITIONS, Event, SafetyState
-from crane_driver.safety.substitution import JointEstimate, Substitution
+from crane_driver.safety.commands import CommandSeries, RefusedError, ramped
+from crane_driver.safety.limits import JointLimiter, SafetySettings
+from crane_driver.safety.plausibility import JointEstimate, LyingEncoders, Substitution
+from crane_driver.safety.states import (
+    LETTING_THROUGH,
+    TRANSITIONS,
+    Event,
+    LatchedFaults,
+    Level,
+    News,
+    SafetyState,
+)
 from crane_model.machine import Machine
 
 LONGEST_STEP = 0.05  # s; after a longer pause ramp and limiters go on as if it had been this one

@@ -15,10 +15,10 @@ from crane_identification.data.log import Log, Signal
 from crane_identification.data.recording_log import read_recording
 from crane_identification.data.resample import slowed
 from crane_identification.options import Options
-from crane_model.arguments import above, between
+from crane_model.cli import above, between
 from crane_model.errors import DataError
 from crane_model.model_file import Model
-from crane_model.progress import Progress
+from crane_model.progress_bar import Progress
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from crane_bags.types import (
 )
 from crane_identification.data.log import Log, Signal
 from crane_model.errors import DataError
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 SLEW = "slew"
 

@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 from scipy.io import loadmat
 
-from crane_identification.data.sources import Cell
+from crane_identification.data.column_map import Cell
 from crane_identification.data.table_files import TABLES
 from crane_model.errors import DataError
 

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crane_bags.clocks import NANOSECONDS, SetBack
-from crane_identification.data.column_map import ColumnMap, JointSources
+from crane_bags.fields import Place, read_fields
+from crane_identification.data.column_map import COUNTS, Cell, ColumnMap, JointSources, Source
 from crane_identification.data.log import Log, Signal
-from crane_identification.data.sources import Cell, Source
-from crane_identification.data.units import COUNTS
+from crane_model.errors import ConfigurationError
+from crane_model.progress_bar import Progress, silent
 
 LARGEST_GAP = 0.1  # s between two numbers that are interpolated
 MARGIN = 1e-6  # s, by which times of 0.1 s may be rounded
@@ -133,3 +134,33 @@ def _uncalibrated(
         for name, source in (*of_joints, *shared.items())
         if source.quantity == COUNTS
     )
+
+
+# From a bag and the column map of its topics to a log.
+
+
+def read_mapped_bag(
+    path: Path | str, column_map: ColumnMap, joints: Sequence[str], progress: Progress = silent
+) -> Log:
+    """The signals of `joints` in a bag whose topics the map names, of whatever type.
+
+    `DataError` and `ConfigurationError` name bag, topic, what there is instead, and the remedy.
+    """
+    path = Path(path)
+    if not column_map.of_topics:
+        raise ConfigurationError(
+            f"{path}: the column map is for tables: it names columns; name topics, or give a table"
+        )
+    cells = column_map.cells(joints, path)
+    wanted = {topic: [Place(*cell) for cell in one] for topic, one in cells.items()}
+    found = read_fields(path, wanted, column_map.types, progress)
+    streams = {}
+    for topic, data in found.items():
+        start, known = int(data.stamp[0]), data.stamped_by == "header"
+        received = (data.log_time - start) / NANOSECONDS if known else None
+        numbers = {cell: data.fields[str(Place(*cell))] for cell in cells[topic]}
+        time = (data.stamp - start) / NANOSECONDS
+        streams[topic] = Stream(start, time, numbers, received, data.set_back)
+    notes = [note for data in found.values() for note in data.notes]
+    unstamped = [topic for topic, data in found.items() if data.stamped_by == "log time"]
+    return mapped_log(path, column_map, joints, streams, notes, unstamped)

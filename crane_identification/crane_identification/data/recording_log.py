@@ -6,10 +6,10 @@ from pathlib import Path
 from crane_identification.data.bag_log import read_bag
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
+from crane_identification.data.mapped_log import read_mapped_bag
 from crane_identification.data.table_files import TABLES, tables_in
-from crane_identification.data.topic_log import read_mapped_bag
 from crane_model.errors import ConfigurationError
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 
 def read_recording(

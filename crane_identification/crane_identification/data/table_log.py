@@ -6,13 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from crane_bags.clocks import NANOSECONDS
-from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.column_map import DATE, Cell, ColumnMap
 from crane_identification.data.columns import Columns, empty_rows, read_columns
 from crane_identification.data.log import Log
 from crane_identification.data.mapped_log import Stream, mapped_log
-from crane_identification.data.sources import Cell
 from crane_identification.data.table_files import tables_in
-from crane_identification.data.units import DATE
 from crane_model.errors import ConfigurationError, DataError
 
 

@@ -11,8 +11,7 @@ from crane_identification.diagnosis.decision.decision import Decision, decide
 from crane_identification.diagnosis.decision.motion_choice import suited
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.fit import Fitted, fitted
-from crane_identification.diagnosis.flow.flow import examine
-from crane_identification.diagnosis.flow.hydraulics import Flows
+from crane_identification.diagnosis.flow.flow import Flows, examine
 from crane_identification.diagnosis.flow.usual import Usual, load_usual
 from crane_identification.diagnosis.proof.commanded import Commanded, commanded
 from crane_identification.diagnosis.proof.extension import Finding, in_counts
@@ -23,10 +22,10 @@ from crane_identification.diagnosis.search.search import Search, search
 from crane_identification.diagnosis.search.wanted import wanted
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds
-from crane_identification.validation.carry_over import elsewhere
+from crane_identification.validation.force_validation import elsewhere
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 from crane_model.terms import REGISTRY
 
 

@@ -8,29 +8,29 @@ import numpy as np
 
 from crane_identification.diagnosis.answer.unknown import Drawing
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.finding_entry import (
-    ChangedParameter,
-    DrawnShape,
-    FindingEntry,
-    FoundEffect,
-    FoundParameter,
-    NearEffect,
-)
 from crane_identification.diagnosis.findings_file import (
     CarriedLoad,
+    ChangedParameter,
     CommandedGap,
+    DrawnShape,
+    FindingEntry,
     Findings,
+    FoundEffect,
+    FoundParameter,
     FoundPlace,
     FoundPulsation,
     FoundRegion,
     GapOfModels,
     GapSide,
     LeftResidual,
+    NearEffect,
     NearestEffects,
     NearestGap,
     OwnTermEntry,
     SessionClock,
     Untried,
+    drawn_shape,
+    unknown_place,
 )
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
 from crane_identification.diagnosis.open_questions import open_questions
@@ -45,7 +45,6 @@ from crane_identification.diagnosis.region import (
 )
 from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.diagnosis.search.energy import acting
-from crane_identification.diagnosis.unknown_entry import drawn_shape, unknown_place
 from crane_identification.diagnosis.variables import feature_unit
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation

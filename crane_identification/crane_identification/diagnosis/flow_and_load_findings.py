@@ -4,13 +4,14 @@ They are found beside the effects of the force, with which they do not compete.
 """
 
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.finding_entry import FindingEntry, FoundParameter
 from crane_identification.diagnosis.findings_file import (
     EdgeGain,
+    FindingEntry,
     FlowBalance,
+    FoundParameter,
     HydraulicQuantity,
 )
-from crane_identification.diagnosis.flow.hydraulics import Flow, Quantity
+from crane_identification.diagnosis.flow.flow import Flow, Quantity
 from crane_identification.diagnosis.search.candidates import WHOLE, Candidate
 from crane_identification.diagnosis.search.loads import MASS_SIGMAS, NO_LOAD, Weighed
 from crane_identification.notation import is_determined

@@ -4,14 +4,14 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from crane_identification.data.units import COUNTS
+from crane_identification.data.column_map import COUNTS
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.features import way_since_turned
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms import Setting
-from crane_model.terms.effect import Variable
-from crane_model.terms.planar import BoomDirections
+from crane_model.terms.gravity_and_load import BoomDirections
+from crane_model.terms.term import Variable
 
 OF_NO_JOINT: frozenset[Variable] = frozenset(
     {

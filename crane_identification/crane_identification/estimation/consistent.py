@@ -27,7 +27,7 @@ from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.least_squares import fit
 from crane_identification.estimation.physics import Bodies, Inequality, Physics
 from crane_identification.estimation.prior import Prior
-from crane_identification.estimation.rows import Rows, balancing, check
+from crane_identification.estimation.regression import Rows, balancing, check
 from crane_identification.options import Covariance
 from crane_model.errors import DataError
 

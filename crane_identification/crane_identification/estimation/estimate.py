@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.regression import Rows
 
 
 @dataclass(frozen=True)

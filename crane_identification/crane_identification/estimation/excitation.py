@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from crane_identification.estimation.rows import CONTAINED, Rows
+from crane_identification.estimation.regression import CONTAINED, Rows
 from crane_identification.notation import listed, plain
 from crane_identification.preparation.run import Preparation
 from crane_model.base_parameters import reveal_rank

@@ -12,7 +12,7 @@ from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Term
-from crane_model.terms.rotor_inertia import RotorInertia
+from crane_model.terms.rigid_body import RotorInertia
 
 BODIES = ("inner boom", "outer boom", "telescope and gripper")
 STATES = 100  # random ones that show whether a rotor is told from bodies

@@ -6,10 +6,9 @@ import numpy as np
 from scipy.linalg import orth
 from scipy.stats import chi2
 
-from crane_identification.estimation.covariance import meat
-from crane_identification.estimation.least_squares import spread_of
+from crane_identification.estimation.least_squares import meat, spread_of
 from crane_identification.estimation.prior import Prior
-from crane_identification.estimation.rows import Rows, balancing, solve, solve_weighted
+from crane_identification.estimation.regression import Rows, balancing, solve, solve_weighted
 from crane_identification.options import Covariance
 
 LEFT_OUT = 1e-3

@@ -1,22 +1,201 @@
 """Rows of (29) from prepared recordings: gated, filtered in parallel, decimated."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from crane_identification.estimation.rows import Rows
 from crane_identification.preparation.averaging import noise_of_mean
 from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import (
+    UNFILTERED,
     decimate,
     decimation_factor,
     decimation_rows,
     filtered_noise,
     trusted_bandwidth,
 )
+from crane_model.base_parameters import reveal_rank
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
+
+# The overdetermined system (29): stacked rows of regressor and force, and how it is solved.
+
+RANK_TOLERANCE = 1e-9
+CONTAINED = 1e-6  # share of a dependent column's norm above which another is part of it
+PASSES = 50
+SAME_WEIGHTS = 1e-3  # relative change
+ROUNDING = 1e-12  # share of the forces below which a residual is rounding, not noise
+
+
+@dataclass(frozen=True)
+class Rows:
+    """n instants of j joints and p parameters, in time order within each run.
+
+    `matrix` (n, j, p), `force` (n, j) [N m or N], `used` (n, j): False where a row tells nothing
+    (it is left out, and keeps its place in time); `run` (n,) numbers the recordings; `time` (n,)
+    [s]. Where the force is a mean over periods, `scatter` holds, per recording, the deviations
+    (periods, its rows, j) of each period from it. `filtered` (lags,): autocorrelation that the
+    parallel filter gives to white noise.
+    """
+
+    joints: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    time: np.ndarray
+    run: np.ndarray
+    matrix: np.ndarray
+    force: np.ndarray
+    used: np.ndarray
+    scatter: tuple[np.ndarray, ...] = ()
+    filtered: np.ndarray = field(default_factory=lambda: UNFILTERED)
+
+    def __post_init__(self) -> None:
+        n, joints = self.force.shape
+        if self.matrix.shape != (n, joints, len(self.names)) or self.used.shape != (n, joints):
+            raise DataError(
+                f"rows: columns have shape {self.matrix.shape} and the mask {self.used.shape}; "
+                f"the forces {self.force.shape} and {len(self.names)} parameters need "
+                f"{(n, joints, len(self.names))} and {(n, joints)}"
+            )
+
+    @property
+    def stacked(self) -> np.ndarray:
+        """Phi of (29), used rows only: (N, p)."""
+        return self.matrix[self.used]
+
+    @property
+    def samples(self) -> int:
+        """Number N of used rows."""
+        return int(self.used.sum())
+
+    @classmethod
+    def stack(cls, parts: Sequence[Self]) -> Self:
+        """All recordings under each other, numbered in their order."""
+        first = parts[0]
+        for part in parts[1:]:
+            if (part.joints, part.names, part.units) != (first.joints, first.names, first.units):
+                raise DataError("rows of different models or joints cannot be stacked")
+        return cls(
+            first.joints,
+            first.names,
+            first.units,
+            np.concatenate([part.time for part in parts]),
+            np.concatenate([np.full(len(part.time), i) for i, part in enumerate(parts)]),
+            np.concatenate([part.matrix for part in parts]),
+            np.concatenate([part.force for part in parts]),
+            np.concatenate([part.used for part in parts]),
+            tuple(one for part in parts for one in part.scatter),
+            first.filtered,
+        )
+
+    @property
+    def repeated(self) -> bool:
+        """Whether every recording has at least two periods, whose scatter shows the noise."""
+        runs = len(np.unique(self.run))
+        return len(self.scatter) == runs and all(len(one) > 1 for one in self.scatter)
+
+    def residual(self, values: np.ndarray) -> np.ndarray:
+        """tau - Phi Theta (n, j); 0 where a row is not used."""
+        return np.where(self.used, self.force - self.matrix @ values, 0.0)
+
+    def norms(self, forces: np.ndarray) -> np.ndarray:
+        """Euclidean norm (j,) of forces (n, j) over the used rows of each joint."""
+        return np.sqrt((np.where(self.used, forces, 0.0) ** 2).sum(axis=0))
+
+    def rms(self, forces: np.ndarray) -> np.ndarray:
+        """Root mean square (j,) of forces (n, j) over the used rows of each joint."""
+        return self.norms(forces) / np.sqrt(np.maximum(self.used.sum(axis=0), 1))
+
+
+class BasicSolution(NamedTuple):
+    """Least squares on the independent columns; the others have the value 0.
+
+    `values` (p,), which of them is `determined` (p,), `bread` (AᵀA)⁻¹ (p, p), zero where dependent,
+    and the `condition` number of the columns scaled to norm 1 (inf if rank deficient).
+    """
+
+    values: np.ndarray
+    determined: np.ndarray
+    bread: np.ndarray
+    condition: float
+
+
+def check(rows: Rows) -> None:
+    """`DataError` if there are fewer rows than parameters or a row is not finite."""
+    parameters = len(rows.names)
+    if rows.samples <= parameters:
+        raise DataError(
+            f"least squares: {rows.samples} rows for {parameters} parameters; record longer, "
+            f"decimate less or mask less around reversals"
+        )
+    bad = rows.used & ~(np.isfinite(rows.force) & np.isfinite(rows.matrix).all(axis=2))
+    if bad.any():
+        instant, joint = np.argwhere(bad)[0]
+        raise DataError(
+            f"least squares: joint {rows.joints[joint]} at {rows.time[instant]:.4g} s: force or "
+            f"regressor is not finite; cut the recording to where every sensor was logged"
+        )
+
+
+def balancing(rows: Rows) -> np.ndarray:
+    """Weights (j,) with which the weighted residual of each joint has root mean square 1."""
+
+    def residuals(weights: np.ndarray) -> np.ndarray:
+        return rows.rms(rows.residual(solve_weighted(rows, weights).values))
+
+    return balance(len(rows.joints), residuals, rows.rms(rows.force))
+
+
+def solve_weighted(rows: Rows, weights: np.ndarray) -> BasicSolution:
+    """The basic solution of the used rows, multiplied by `weights`, (j,) or (n, j)."""
+    scaling = np.broadcast_to(weights, rows.force.shape)[rows.used]
+    return solve(rows.stacked * scaling[:, None], rows.force[rows.used] * scaling)
+
+
+def solve(
+    matrix: np.ndarray, force: np.ndarray, tolerance: float = RANK_TOLERANCE
+) -> BasicSolution:
+    """Least squares of weighted rows `matrix` (N, p), `force` (N,) by orthogonal decomposition.
+
+    Columns are scaled to norm 1 inside, so that the units of the parameters do not matter; what is
+    within `tolerance` of the others counts as dependent on them.
+    """
+    basis = reveal_rank(matrix, tolerance)
+    kept, dropped = list(basis.independent), list(basis.dependent)
+    norms = np.linalg.norm(matrix, axis=0)
+    q, r = np.linalg.qr(matrix[:, kept] / norms[kept])
+    inverse = np.linalg.solve(r, np.eye(len(kept))) / norms[kept][:, None]
+    parameters = matrix.shape[1]
+    values, bread = np.zeros(parameters), np.zeros((parameters, parameters))
+    values[kept] = inverse @ (q.T @ force)
+    bread[np.ix_(kept, kept)] = inverse @ inverse.T
+    # A parameter is determined if no dropped column contains its column.
+    contained = np.abs(basis.combination) * norms[kept][:, None]
+    determined = np.zeros(parameters, dtype=bool)
+    determined[kept] = (contained <= CONTAINED * norms[dropped]).all(axis=1)
+    return BasicSolution(values, determined, bread, np.inf if dropped else float(np.linalg.cond(r)))
+
+
+def balance(
+    joints: int, residuals: Callable[[np.ndarray], np.ndarray], force: np.ndarray
+) -> np.ndarray:
+    """Weights (j,) with which the weighted residual of each joint has root mean square 1.
+
+    `residuals` gives the root mean square residual (j,) of the solution with given weights; a
+    single joint needs no weight. Of residuals that are rounding beside the `force` (j,), root mean
+    square, none counts more than another.
+    """
+    weights = np.ones(joints)
+    floor = np.where(force > 0.0, ROUNDING * force, 1.0)
+    for _ in range(PASSES if joints > 1 else 0):
+        before, weights = weights, 1.0 / np.maximum(residuals(weights), floor)
+        if (np.abs(np.log(weights / before)) < SAME_WEIGHTS).all():
+            break
+    return weights
+
 
 OPEN = 0.5
 """A filtered row is used if at least this share of what the filter saw was let through."""

@@ -20,8 +20,7 @@ from scipy import signal
 
 from crane_identification.hydraulics.passage import Passage
 from crane_model.actuators import HydraulicActuator
-from crane_model.hydraulics.chambers import roots
-from crane_model.hydraulics.spool import openings, spool_course, trailing
+from crane_model.hydraulics.stepping import openings, roots, spool_course, trailing
 
 CUT_OFF = 4.0  # Hz: what the machine moves at lies below, most of the noise above
 ORDER = 4
@@ -75,7 +74,7 @@ class PassageRows:
         self._fine = passage.time[0] + step / FINE * np.arange(fine)
 
     def opening(self, spool: SpoolValues) -> np.ndarray:
-        """(FINE (n - 1) + 1,) o of `crane_model.hydraulics.spool`, FINE a sample."""
+        """(FINE (n - 1) + 1,) o of `crane_model.hydraulics.stepping`, FINE a sample."""
         stamps, commands = self.passage.stamps + spool.delay, self.passage.commands
         y = spool_course(stamps, commands, self._fine, spool.frequency, DAMPING_RATIO)
         return openings(trailing(y, spool.play), spool.dead_zone_a, spool.dead_zone_b)

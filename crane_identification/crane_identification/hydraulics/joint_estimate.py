@@ -1,29 +1,42 @@
 """The hydraulics of one joint with pressure transducers."""
 
 from collections.abc import Mapping, Sequence
+from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.hydraulics.balance import (
+    CUT_OFF,
     DAMPING_RATIO,
     EDGES,
     LINEAR,
     Balance,
     ChamberRows,
+    MotionRows,
 )
-from crane_identification.hydraulics.fit_test import lack_of_fit
 from crane_identification.hydraulics.passage import passages
-from crane_identification.hydraulics.projection import BalanceFit, project
-from crane_model.errors import DataError
+from crane_identification.hydraulics.projection import (
+    BLOCK,
+    BalanceFit,
+    block_covariance,
+    lack_of_fit,
+    project,
+)
+from crane_model.errors import DataError, RangeError
 from crane_model.hydraulics.values import (
+    GAIN,
     ChamberValues,
+    HydraulicValues,
     JointHydraulics,
     Measured,
+    SupplyValues,
     ValveValues,
 )
 from crane_model.machine import Machine
+from crane_model.model_file import Model
+from crane_model.progress_bar import Progress, silent
 
 LARGEST_UNEXPLAINED = 0.2  # rms share of the flow, beyond which the values mean nothing
 SIGMAS = 4.0  # standard deviations by which a sign is certain
@@ -183,3 +196,169 @@ def _known(name: str, one: Measured) -> bool:
     if name == "leakage":
         enough = max(enough, KNOWN_LEAKAGE)
     return one.std_dev <= enough
+
+
+# The valve of a joint without pressure transducers: dead zones, gains and lag from its motion.
+
+
+def identify_motion(machine: Machine, joint: str, logs: Sequence[Log]) -> JointHydraulics:
+    """Its valve, as if the load were nil; `DataError` says why the recordings do not tell it.
+
+    The gains hold for the load against which it moved, friction above all, and the lag includes
+    that of its oil; what else oil and load do stays in what is unexplained.
+    """
+    cylinder = machine.cylinders[joint]
+    balance = Balance([MotionRows(part, cylinder) for part in passages(machine, joint, logs)])
+    found = project(balance)
+    gains = found.linear
+    std_devs = np.sqrt(np.diag(found.covariance))[-len(gains) :]
+    if (gains <= SIGMAS * std_devs).any() or found.unexplained > LARGEST_UNEXPLAINED:
+        raise DataError(
+            f"hydraulics of '{joint}': its speed does not follow its valve "
+            f"({found.unexplained:.0%} unexplained); check sign and log of its command, or record "
+            "slow ramps of it both ways"
+        )
+    forth, back = (
+        Measured(value=float(gain), std_dev=float(std), unit=GAIN)
+        for gain, std in zip(gains, std_devs, strict=True)
+    )
+    values = measured_spool(found)
+    valve = ValveValues(
+        **values,
+        damping_ratio=Measured(value=DAMPING_RATIO, unit="1"),
+        supply_a=forth,
+        b_tank=forth,
+        supply_b=back,
+        a_tank=back,
+    )
+    oil = ("bulk_modulus", "dead_volume_a", "dead_volume_b", "leakage")
+    return JointHydraulics(
+        valve=valve,
+        undetermined=undetermined(valve.by_name)
+        | {name: f"pressure transducers, then {settled_by(name)}" for name in oil},
+        unexplained=found.unexplained,
+    )
+
+
+# The supply that all valves share: its pressure falls with the flow that they draw.
+#
+#     p_S = p_0 - R sum of what flows from the supply into chambers
+#
+# A pressure-controlled pump follows within milliseconds, far above what the filter of the balance
+# leaves, so that the volume of the line does not show.
+
+LARGEST_SLEW = 0.01  # rad: beyond, the slew has drawn oil that nobody measured
+
+
+def identify_supply(found: Sequence[JointFit], logs: Sequence[Log]) -> SupplyValues:
+    """Pressure and droop; `DataError` where a joint that draws oil is not among those `found`."""
+    still = {log.source for log in logs if _still(log)}
+    if not still:
+        raise DataError(
+            "supply: a joint without transducers moves in each recording and draws oil that "
+            "nobody measured; record one in which it rests"
+        )
+    columns, pressures, blocks = [], [], []
+    begun = 0
+    for passage in _shared(found):
+        rows = passage[0][1]
+        if rows.passage.source not in still:
+            continue
+        one, pressure = rows.supply().T
+        drawn = sum(part.drawn(fit.spool, fit.linear) for fit, part in passage)
+        time = rows.thinned(rows.time)
+        columns.append(rows.thinned(np.stack([one, -drawn], axis=1)))
+        pressures.append(rows.thinned(pressure))
+        blocks.append(begun + ((time - time[0]) / BLOCK).astype(int))
+        begun = int(blocks[-1][-1]) + 1
+    if not columns:
+        raise DataError("supply: no part of a recording in which the flow of all joints is known")
+    matrix, pressure, block = (np.concatenate(part) for part in (columns, pressures, blocks))
+    norms = np.linalg.norm(matrix, axis=0)
+    scaled = matrix / norms
+    bread = np.linalg.pinv(scaled.T @ scaled)
+    values = bread @ scaled.T @ pressure
+    covariance = block_covariance(scaled, pressure - scaled @ values, bread, block)
+    std_devs = np.sqrt(np.diag(covariance)) / norms
+    level, droop = values / norms
+    return SupplyValues(
+        pressure=Measured(value=float(level), std_dev=float(std_devs[0]), unit="Pa"),
+        droop=Measured(value=max(float(droop), 0.0), std_dev=float(std_devs[1]), unit="Pa s/m3"),
+    )
+
+
+def _still(log: Log) -> bool:
+    slew = log.slew_position
+    return slew is None or float(np.nanmax(slew.value) - np.nanmin(slew.value)) < LARGEST_SLEW
+
+
+def _shared(
+    found: Sequence[JointFit],
+) -> list[list[tuple[BalanceFit, ChamberRows]]]:
+    """Rows of all joints that begin and end together."""
+    together: dict[tuple[str, float, int], list[tuple[BalanceFit, ChamberRows]]] = {}
+    for joint in found:
+        for rows in joint.balance.rows:
+            part = rows.passage
+            key = (part.source, round(float(part.time[0]), 3), len(part))
+            together.setdefault(key, []).append((joint.projection, rows))
+    return [parts for parts in together.values() if len(parts) == len(found)]
+
+
+# The hydraulics of a machine from recordings of its motion, joint by joint.
+
+
+def identify_hydraulics(
+    model: Model, logs: Sequence[Log], period: float | None = None, progress: Progress = silent
+) -> HydraulicValues | None:
+    """What recordings tell of valves, oil and supply; None if no command shows anything of them.
+
+    Joints of which nothing can be told are named with the reason.
+    """
+    machine = model.machine
+    wanted = [log for log in logs if log.command is not None]
+    if machine is None or not wanted:
+        return None
+    unknown: dict[str, str] = {}
+    found: dict[str, JointFit] = {}
+    sensed = {joint for joint, one in machine.cylinders.items() if one.pressure_sensors}
+    fitted = sorted(  # those last that take the oil of the others for their own
+        (joint for joint in model.joints if joint in sensed),
+        key=lambda joint: not machine.cylinders[joint].chambers.grow,
+    )
+    blind = [joint for joint in machine.cylinders if joint not in sensed]
+    for number, joint in enumerate(fitted):
+        try:
+            found[joint] = identify_joint(machine, joint, wanted, period, _oil_of(found))
+        except (DataError, RangeError) as error:
+            unknown[joint] = str(error)
+        progress("hydraulics", (number + 1) / len(fitted))
+    supply = None
+    if found and len(found) == len(fitted):
+        try:
+            supply = identify_supply(tuple(found.values()), wanted)
+        except DataError as error:
+            unknown["supply"] = str(error)
+    joints = {joint: found[joint].values for joint in model.joints if joint in found}
+    for joint in blind:
+        try:
+            joints[joint] = identify_motion(machine, joint, wanted)
+        except (DataError, RangeError) as error:
+            unknown[joint] = str(error)
+    if not joints and not any(log.pressure_a is not None for log in wanted):
+        return None
+    rows = sum(len(one.balance.flow) for one in found.values())
+    sources = ", ".join(dict.fromkeys(log.source for log in wanted))
+    return HydraulicValues(
+        provenance=f"balance of flow below {CUT_OFF:g} Hz, both chambers, {rows} rows of {sources}",
+        joints=joints,
+        supply=supply,
+        unknown=unknown,
+    )
+
+
+def _oil_of(found: Mapping[str, JointFit]) -> float:
+    """Mean bulk modulus [Pa] of the joints that tell it."""
+    chambers = [one.values.chambers for one in found.values()]
+    told = [one.bulk_modulus.value for one in chambers if one and one.bulk_modulus.std_dev]
+    return fmean(told) if told else ASSUMED_MODULUS

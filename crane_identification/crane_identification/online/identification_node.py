@@ -1,10 +1,11 @@
 """`identification`: the online estimator as a managed node."""
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -12,28 +13,132 @@ from std_srvs.srv import Trigger
 
 from crane_bags.clocks import NANOSECONDS, TimeBack
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.online.condition import Condition, recording, status
 from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
-from crane_identification.online.mapped_topics import mapped_listeners
 from crane_identification.online.recent import Recent, Watched
+from crane_identification.online.recursion import Solution
 from crane_identification.online.topics import (
     Listener,
     estimate_message,
     forces_message,
     listeners,
+    mapped_listeners,
 )
+from crane_identification.recording_check.suspicion import Checked
 from crane_interfaces.msg import GeneralizedForces, ParameterEstimate
 from crane_model.configuration import load
 from crane_model.errors import CraneError, DataError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model, save_model
-from crane_nodes.machine_parameter import MACHINE
-from crane_nodes.managed import AUTOSTART, run_managed
+from crane_nodes.managed import AUTOSTART, run_managed, say_ready
 from crane_nodes.names import full_name
 from crane_nodes.node_time import NodeTime, Pacing, tell_back
-from crane_nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
+from crane_nodes.parameters import MACHINE, NodeParameter, Number, Numbers, Text, declare, hold
 from crane_nodes.polled import Polled
-from crane_nodes.ready import say_ready
+
+# What /diagnostics says of the identification.
+
+MATCHED_SHARE = 0.99
+"""Share of positions with pressures below which something is wrong with stamps or topics."""
+
+
+class Condition:
+    """When the topics were last heard, by the steady clock, and what was wrong with them."""
+
+    def __init__(self, timeout: float = 1.0):
+        self.timeout = timeout
+        self.problems: dict[str, str] = {}
+        self._heard: dict[str, float] = {}
+
+    def listen(self, now: float, *topics: str) -> None:
+        """From now on, these topics and no others are expected."""
+        self._heard = dict.fromkeys(topics, now)
+        self.problems = {}
+
+    def arrived(self, topic: str, now: float) -> None:
+        """A message came."""
+        self._heard[topic] = now
+
+    def problem(self, topic: str, text: str) -> bool:
+        """Something is wrong with a topic; True if that is news."""
+        known = self.problems.get(topic)
+        self.problems[topic] = text
+        return known != text
+
+    def well(self, topic: str) -> None:
+        """A message was as it should be."""
+        self.problems.pop(topic, None)
+
+    def silent(self, now: float) -> list[str]:
+        """Topics that were not heard for too long, and for how long."""
+        return [
+            f"{topic} silent for {now - heard:.1f} s"
+            for topic, heard in self._heard.items()
+            if now - heard > self.timeout
+        ]
+
+
+def status(
+    name: str,
+    condition: Condition,
+    estimator: OnlineEstimator | None,
+    solution: Solution | None,
+    now: float,
+) -> DiagnosticStatus:
+    """The state of the estimation in one line, and its counters."""
+    found = DiagnosticStatus(name=f"{name}: recursion", level=DiagnosticStatus.OK)
+    if estimator is None:
+        found.message = "not configured"
+        return found
+    matcher = estimator.matcher
+    seen = matcher.matched + matcher.unmatched
+    unknown = len(estimator.model.parameters)
+    if solution is not None:
+        unknown = int((~solution.determined).sum())
+    warnings = condition.silent(now)
+    if seen and matcher.matched < MATCHED_SHARE * seen:
+        warnings.append(f"{matcher.unmatched} of {seen} positions without pressures of their time")
+    if condition.problems:
+        found.level = DiagnosticStatus.ERROR
+        found.message = "; ".join(condition.problems.values())
+    elif warnings:
+        found.level = DiagnosticStatus.WARN
+        found.message = "; ".join(warnings)
+    elif unknown:
+        found.message = f"{unknown} parameters not determined yet"
+    else:
+        found.message = "all parameters determined"
+    values = {
+        "samples [-]": estimator.samples,
+        "gated share [-]": f"{estimator.gated_share:.3f}",
+        "unmatched [-]": matcher.unmatched,
+        "repeated [-]": matcher.repeated + estimator.smoother.repeated,
+        "invalid [-]": estimator.invalid,
+        "runs [-]": estimator.smoother.run + 1,
+        "undetermined [-]": unknown,
+        "condition number, normalised [-]": f"{_condition_number(solution):.4g}",
+    }
+    found.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return found
+
+
+def recording(name: str, found: Checked | None) -> DiagnosticStatus:
+    """What is suspicious of the signals themselves."""
+    told = DiagnosticStatus(name=f"{name}: recording", level=DiagnosticStatus.OK)
+    if found is None:
+        told.message = "too little heard yet"
+    elif found.suspicions:
+        told.level = DiagnosticStatus.ERROR if found.decisive else DiagnosticStatus.WARN
+        told.message = "; ".join(str(one) for one in found.suspicions)
+    else:
+        told.message = f"nothing suspicious in {found.source}"
+    if found is not None:
+        told.values = [KeyValue(key="not checked", value="; ".join(found.unchecked))]
+    return told
+
+
+def _condition_number(solution: Solution | None) -> float:
+    return math.inf if solution is None else solution.condition_number
+
 
 JOINT_STATES, PRESSURES = "joint_states", "cylinder_pressures"
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)

@@ -14,7 +14,7 @@ from crane_model.configuration import load
 from crane_model.errors import DataError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 from crane_model.sensors import SensorChain
 
 READINGS = 1.25  # intervals between readings that may pass before a new run begins

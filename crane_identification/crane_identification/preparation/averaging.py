@@ -20,7 +20,7 @@ from crane_identification.signals.gate import moving
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.routes import estimate_period
 from crane_model.model_file import Model
-from crane_model.progress import Progress
+from crane_model.progress_bar import Progress
 
 TRANSIENT = 2.0
 """A first period that differs from the later ones by this many times their scatter is transient."""

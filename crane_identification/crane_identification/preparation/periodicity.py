@@ -1,21 +1,255 @@
 """Where, and with which period, a motion repeats itself: a reference, or measured positions."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import cached_property
+from typing import NamedTuple, Self
 
 import numpy as np
+from numba import njit
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import measured
 from crane_identification.preparation.averaging import LACKING
-from crane_identification.preparation.repetition import (
-    OVERLAP,
-    Agreement,
-    Repetition,
-    agreement,
-    distance,
-)
-from crane_model.errors import DataError
+from crane_model.errors import DataError, NoMotionError
+
+# How closely a motion comes to itself a while later, and in which part of it.
+
+NEAR = 0.75
+"""Of a step, within which the motion was recorded where it counts: what is interpolated over
+samples that were not recorded must not end the part that repeats."""
+MOVES = 0.03
+"""A part moves if its range is this share of that of the whole."""
+HARDLY = 0.3
+"""Joints that move by less than this share of the one that moves most (rad or m) count by as much
+less: what creeps, or only shows noise, does not hide that the others repeat."""
+WINDOW = 0.003
+"""Share of the lag over which differences are averaged."""
+STEPS = 1.5
+"""About equal: to within this many of the largest steps between two samples, ..."""
+SCATTER = 5.0
+"""... or this many times the rms difference where the motion comes closest to itself."""
+OVERLAP = 0.25
+"""Share of what can be compared that must repeat, where less than two periods are there."""
+TYPICAL = 0.9
+SPREAD = 5.0
+"""Equal: to within this many times the 0.9 quantile of the difference over the repeating part."""
+PASSING = 0.2
+"""Share of the rms of the motion up to which a difference interrupts the repeating part for a
+moment, as friction that lets go later does, but does not end it."""
+LASTING = 0.02
+"""Share of the lag that a part lasts at least in which the motion is equal."""
+SLACK = (16.0, 8.0, 4.0, 2.0, *(1.0,) * 16)
+"""Multiples of about equal with which the search for the exact lag proceeds."""
+ROUNDING = 1e-9
+"""Share of the range below which differences are rounding."""
+AROUND = 0.1
+"""Share of the lag around a sample in which a joint moves if it does at all."""
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """A motion on a uniform time base, joints scaled to range 1, or less if they hardly move.
+
+    `signal` (n, j) from `start` every `step` [s]; `recorded` (n,): not interpolated over a gap.
+    """
+
+    signal: np.ndarray
+    recorded: np.ndarray
+    start: float
+    step: float
+
+    @classmethod
+    def of(cls, time: np.ndarray, position: np.ndarray) -> Self:
+        """Of positions (n, j) at times (n,) [s]; `DataError` if nothing moves."""
+        steps = max(round((time[-1] - time[0]) / float(np.median(np.diff(time)))), 1)
+        uniform, step = np.linspace(time[0], time[-1], steps + 1, retstep=True)
+        ranges = np.ptp(position, axis=0)
+        if not ranges.any():
+            raise NoMotionError("the motion stands still, and so does not repeat")
+        scaled = position / np.maximum(ranges, HARDLY * ranges.max())
+        signal = np.stack([np.interp(uniform, time, column) for column in scaled.T], axis=1)
+        after = np.searchsorted(time, uniform).clip(1, len(time) - 1)
+        away = np.minimum(np.abs(uniform - time[after - 1]), np.abs(time[after] - uniform))
+        centred = signal - signal.mean(axis=0)
+        return cls(centred, away <= NEAR * step, float(time[0]), float(step))
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.signal)
+
+    @cached_property
+    def _sums(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the first 0, 1, ... n samples (n + 1, j), and of their squares (n + 1,)."""
+        zero = np.zeros((1, self.signal.shape[1]))
+        squares = (self.signal**2).sum(axis=1)
+        return (
+            np.cumsum(np.concatenate([zero, self.signal]), axis=0),
+            np.cumsum(np.concatenate([[0.0], squares])),
+        )
+
+    def nearest(self, lag: int, overlap: float = 1.0) -> tuple[float, float]:
+        """Least difference to the motion `lag` later over a stretch as long, or this share of what
+        overlaps: over the rms of one period there, and as it is. Infinite if none moves."""
+        length = min(lag, int(overlap * (self.samples - lag)))
+        if length < 1:
+            return np.inf, np.inf
+        share, difference = _nearest(self.signal, *self._sums, lag, length, MOVES**2)
+        return float(np.sqrt(share)), float(np.sqrt(difference))
+
+
+@njit(cache=True)
+def _nearest(
+    signal: np.ndarray, sums: np.ndarray, powers: np.ndarray, lag: int, length: int, moves: float
+) -> tuple[float, float]:
+    """Least mean square difference to the signal `lag` samples later over `length` samples, over
+    twice the power of one period from there on, and as it is; infinite where that is no more than
+    the share `moves` of the mean power.
+    """
+    samples, joints = signal.shape
+    running = np.zeros(samples - lag + 1)
+    for i in range(samples - lag):
+        square = 0.0
+        for j in range(joints):
+            square += (signal[i + lag, j] - signal[i, j]) ** 2
+        running[i + 1] = running[i] + square
+    best, there, least = np.inf, np.inf, moves * powers[-1] / samples
+    for i in range(min(len(running) - length, samples + 1 - lag)):
+        mean = 0.0
+        for j in range(joints):
+            mean += ((sums[i + lag, j] - sums[i, j]) / lag) ** 2
+        power = (powers[i + lag] - powers[i]) / lag - mean
+        difference = max((running[i + length] - running[i]) / length, 0.0)  # sums round
+        if power > least and difference / (2.0 * power) < best:
+            best, there = difference / (2.0 * power), difference
+    return best, there
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """The motion is equal to itself `lag` samples later from sample `first` to `last`.
+
+    `difference`: rms difference over the rms of the motion in that part.
+    """
+
+    lag: float
+    first: int
+    last: int
+    difference: float
+
+
+def agreement(motion: Repetition, lag: float, known: bool = False) -> Agreement | None:
+    """The lag near `lag` at which the motion agrees best with itself, and where it does.
+
+    What does not repeat shifts the minimum at which the search starts, so it starts tolerant and
+    ends with the difference that noise, interpolation and jitter make. A `known` lag is kept. None
+    if it agrees nowhere.
+    """
+    signal, given = motion.signal, lag
+    slope = np.gradient(signal, axis=0)
+    _, scatter = motion.nearest(round(lag), OVERLAP)
+    about = max(STEPS * float(np.abs(np.diff(signal, axis=0)).max()), SCATTER * scatter)
+    equal = SLACK[0] * about
+    for slack in SLACK:
+        first, last = _part(motion, lag, equal)
+        if last <= first:
+            return None
+        if not known:  # Gauss-Newton
+            error, gradient = _repeated_difference(signal, lag)[first:last], slope[first:last]
+            power = float((gradient**2).sum())
+            correction = float((error * gradient).sum()) / power if power > 0.0 else 0.0
+            lag = float(np.clip(lag - correction, 1.0, len(signal) - 3.0))
+            if not given / 2 < lag < 2 * given:
+                return None
+        spread = distance(motion, lag)[first:last]
+        if not len(spread):
+            return None
+        equal = min(slack * about, SPREAD * float(np.quantile(spread, TYPICAL)) + ROUNDING)
+    first, last = _part(motion, lag, equal, PASSING)
+    if last <= first:
+        return None
+    there = distance(motion, lag)[first:last]
+    rms = _rms(signal[first : last + int(lag)])
+    return Agreement(lag, first, last, float(np.sqrt((there**2).mean() / 2.0)) / rms)
+
+
+def distance(motion: Repetition, lag: float) -> np.ndarray:
+    """Rms of the difference over all joints and the recorded samples of a window around every
+    sample; 0 where none of it was recorded."""
+    recorded = motion.recorded
+    power = (_repeated_difference(motion.signal, lag) ** 2).sum(axis=1)
+    n, whole = len(power), int(lag)
+    seen = recorded[:n] & recorded[whole : whole + n]
+    seen &= recorded[np.minimum(np.arange(n) + whole + 1, len(recorded) - 1)]
+    weight = uniform_filter1d(seen.astype(float), _window(lag))
+    mean = uniform_filter1d(power * seen, _window(lag)).clip(0.0)
+    return np.sqrt(np.divide(mean, weight, out=np.zeros(n), where=weight > ROUNDING))
+
+
+def _moves(motion: Repetition, lag: float) -> np.ndarray:
+    """(n,) whether anything moves around a sample; standing still repeats for any lag."""
+    window = 2 * int(AROUND * lag / 2) + 1
+    low, high = minimum_filter1d, maximum_filter1d
+    travel = high(motion.signal, window, axis=0) - low(motion.signal, window, axis=0)
+    return travel.max(axis=1) > AROUND * MOVES
+
+
+def _part(
+    motion: Repetition, lag: float, tolerance: float, passing: float = 0.0
+) -> tuple[int, int]:
+    """First and last sample of the part that moves longest and is equal to itself `lag` later.
+
+    Equality around a sample is that of the whole window, so the part reaches half of it further.
+    Inside, differences of up to the share `passing` of the motion may pass.
+    """
+    apart = distance(motion, lag)
+    span = int(np.ceil(lag))
+    moves = np.concatenate([[0], np.cumsum(_moves(motion, lag))])
+    parts = [
+        (begin, end)
+        for begin, end in _runs(apart <= tolerance)
+        if np.ptp(motion.signal[begin : end + span], axis=0).max() > MOVES
+    ]
+    best = max(parts, key=lambda part: moves[part[1]] - moves[part[0]], default=(0, 0))
+    if moves[best[0]] == moves[best[1]]:
+        return 0, 0
+    if passing > 0.0:
+        allowed = max(tolerance, passing * _rms(motion.signal[best[0] : best[1] + span]))
+        begin, end = next(r for r in _runs(apart <= allowed) if r[0] <= best[0] < r[1])
+        shortest = LASTING * lag
+        equal = [run for run in _runs(apart[begin:end] <= tolerance) if run[1] - run[0] >= shortest]
+        if equal:
+            best = (begin + equal[0][0], begin + equal[-1][1])
+    half = _window(lag) // 2
+    return max(best[0] - half, 0), min(best[1] + half, len(apart)) - 1
+
+
+def _repeated_difference(signal: np.ndarray, lag: float) -> np.ndarray:
+    """signal(k + lag) - signal(k) for every k at which both exist; linear between samples."""
+    whole = round(lag) if abs(lag - round(lag)) < ROUNDING * lag else int(lag)
+    share = max(lag - whole, 0.0)
+    n = len(signal) - whole - (share > 0.0)
+    ahead = signal[whole : whole + n]
+    if share > 0.0:
+        ahead = (1 - share) * ahead + share * signal[whole + 1 : whole + 1 + n]
+    return ahead - signal[:n]
+
+
+def _rms(signal: np.ndarray) -> float:
+    """Of a signal (n, j) around its mean, over all joints together."""
+    return float(np.sqrt(signal.var(axis=0).sum()))
+
+
+def _window(lag: float) -> int:
+    return 2 * round(WINDOW * lag / 2) + 1
+
+
+def _runs(where: np.ndarray) -> list[tuple[int, int]]:
+    """Begin and end of each run of True."""
+    edges = np.flatnonzero(np.diff(where, prepend=False, append=False))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
 
 REPEATS = 0.05
 """A motion repeats if it differs from itself by less than this share of its own rms."""

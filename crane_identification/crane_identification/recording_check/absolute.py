@@ -9,13 +9,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from crane_identification.recording_check.constants import (
+from crane_identification.recording_check.grid import Grid
+from crane_identification.recording_check.suspicion import (
     FAST,
     FEWEST_STROKES,
     NEAR_ATMOSPHERE,
+    Suspicion,
 )
-from crane_identification.recording_check.grid import Grid
-from crane_identification.recording_check.suspicion import Suspicion
 from crane_model.flow.oil import ATMOSPHERE
 
 MEGA = 1e6

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 from crane_identification.data.log import Log
 from crane_identification.data.resample import resample
 from crane_identification.notation import spoken
-from crane_identification.recording_check.constants import (
+from crane_identification.recording_check.suspicion import (
     ARM_BANDWIDTH,
     BETTER,
     CORRELATED,
@@ -24,8 +24,8 @@ from crane_identification.recording_check.constants import (
     SLOW,
     UNEXPLAINED,
     WORKING_RATE,
+    Suspicion,
 )
-from crane_identification.recording_check.suspicion import Suspicion
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
 from crane_model.model_file import Model

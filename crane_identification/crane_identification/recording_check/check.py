@@ -2,20 +2,41 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 from crane_identification.data.log import Log
 from crane_identification.recording_check.arm import Moved, arm, signs
-from crane_identification.recording_check.clocks import clocks
+from crane_identification.recording_check.clocks import clocks, missing, sampling
 from crane_identification.recording_check.grid import grid
 from crane_identification.recording_check.positions import positions
 from crane_identification.recording_check.pressures import pressures
-from crane_identification.recording_check.sampling import missing, sampling
 from crane_identification.recording_check.suspicion import Checked, Suspicion
 from crane_identification.recording_check.transducers import transducers
 from crane_identification.recording_check.wiring import wiring
 from crane_model.errors import ConfigurationError, DataError, RangeError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
+from crane_observer.monitor.replay import watch
+
+# Sensors that began to lie while a bag was recorded, by an earlier model of the machine.
+
+
+def lying(model: Model, recordings: Sequence[Path], end: float) -> tuple[str, ...]:
+    """Warnings of bags that are not fit for identification up to `end` [s].
+
+    By a model with hydraulics, and of bags that hold pressures and valve commands:
+    without them, too little is told for the time that it takes.
+    """
+    if model.hydraulics is None:
+        return ()
+    warnings = []
+    for bag in filter(Path.is_dir, recordings):
+        try:
+            seen = watch(bag, model, None)
+        except DataError:  # without them there is nothing to compare
+            continue
+        warnings += [f"{bag}: {one}" for one in seen.findings if one.onset < end]
+    return tuple(warnings)
 
 
 def check(machine: Machine | None, log: Log, model: Model | None = None) -> Checked:

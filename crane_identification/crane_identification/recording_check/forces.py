@@ -1,17 +1,40 @@
-"""How much of the measured force a crane with plausible masses and friction can explain."""
+"""Checks of the forces: what a plausible machine can explain, masses, delay, and repairs."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear
+from scipy.optimize import lsq_linear, minimize
 
-from crane_identification.recording_check.constants import CORRELATED
+from crane_identification.notation import spoken
 from crane_identification.recording_check.grid import Grid
+from crane_identification.recording_check.suspicion import (
+    AGREEING,
+    ALIKE,
+    ALONE,
+    CORRELATED,
+    DELAY_STEP,
+    DRIFT,
+    KNOWN,
+    LARGEST_DRIFT,
+    LEAST_DRIFT,
+    LEAST_UNEXPLAINED,
+    LONGEST_DELAY,
+    POWER_LEFT,
+    ROWS,
+    SHORTEST_DELAY,
+    Suspicion,
+)
+from crane_model.errors import RangeError
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Setting
+
+# How much of the measured force a crane with plausible masses and friction can explain.
 
 NEGLIGIBLE = 1e-9  # relative size of a direction that the data do not determine
 
@@ -85,3 +108,236 @@ def equations(model: Model, whole: Grid, inside: slice = slice(None)) -> Equatio
     norms = np.linalg.norm(columns, axis=0)
     norms[norms == 0.0] = 1.0
     return Equations(columns / norms, norms, (force / scale)[used], scale, *np.nonzero(used))
+
+
+# Static balance: the masses that the force needs, against the plausible ones of the machine.
+
+
+def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[Suspicion]:
+    """What is suspicious of identified `values` (p,) with their standard deviations (p,)."""
+    assert model.machine is not None
+    plausible = model.machine.plausible
+    wrong, ratios = [], []
+    for parameter, value, spread in zip(model.parameters, values, std_devs, strict=True):
+        if parameter.name not in plausible or spread > KNOWN * abs(value):
+            continue
+        low, high = plausible[parameter.name]
+        ratios.append(value / np.sqrt(low * high))
+        if not low <= value <= high:
+            wrong.append(
+                f"{parameter.name} {value:.4g} {parameter.unit}, plausible {low:g} to {high:g}"
+            )
+    if not wrong:
+        return
+    known = np.array(ratios)
+    factor = float(np.median(known))
+    where, evidence = "masses that the force carries", ", ".join(wrong)
+    if (known < 0.0).all():
+        cause = "the load would lift the crane: the sign of the forces is turned"
+        yield Suspicion(where, evidence, cause, decisive=True)
+    elif len(known) > 1 and (np.abs(known / factor - 1.0) < ALIKE).all():
+        cause = (
+            f"all are about {factor:.2g} times what is plausible: unit of force or pressure, "
+            "piston areas, or the plausible masses of the machine file"
+        )
+        yield Suspicion(where, evidence, cause, decisive=True)
+    else:
+        cause = "a load that the machine file does not know, a wrong transducer, or wrong geometry"
+        yield Suspicion(where, evidence, cause, decisive=False)
+
+
+# Mix-ups of wiring and names, and the recording as it would be without each.
+
+MOTION = ("position", "velocity", "acceleration")
+PRESSURES = ("pressure_a", "pressure_b")
+
+
+@dataclass(frozen=True)
+class Repair:
+    """`where` it changes a recording, and `what` it does; `joint` names the one whose chambers
+    are exchanged.
+    """
+
+    where: str
+    what: str
+    repaired: Grid
+    joint: str | None = None
+
+
+def repairs(whole: Grid) -> Iterator[Repair]:
+    """Every single mix-up undone."""
+    measured = ("force",) if whole.force is not None else PRESSURES
+    for j, joint in enumerate(whole.joints):
+        signs = np.where(np.arange(len(whole.joints)) == j, -1.0, 1.0)
+        turned = _changed(whole, MOTION, lambda values, s=signs: s * values)
+        yield Repair(spoken(joint), "the sign of its position is turned", turned)
+        if whole.force is None:
+            yield Repair(
+                spoken(joint), "chambers A and B are exchanged", _chambers(whole, j), joint
+            )
+        else:
+            turned = _changed(whole, measured, lambda values, s=signs: s * values)
+            yield Repair(spoken(joint), "the sign of its force is turned", turned)
+    for i, k in combinations(range(len(whole.joints)), 2):
+        order = np.arange(len(whole.joints))
+        order[[i, k]] = k, i
+        where = f"{spoken(whole.joints[i])} and {spoken(whole.joints[k])}"
+        for names, signals in (
+            ("positions", MOTION),
+            ("forces" if whole.force is not None else "pressures", measured),
+            ("names", (*MOTION, *measured)),
+        ):
+            exchanged = _changed(whole, signals, lambda values, o=order: values[:, o])
+            yield Repair(where, f"their {names} are exchanged", exchanged)
+
+
+def unexplained(model: Model, repair: Repair) -> float:
+    """Share of the force that is left; infinite where the linkages cannot be assembled so."""
+    try:
+        return equations(model, repair.repaired).explained(model)
+    except RangeError:
+        return np.inf
+
+
+def _changed(whole: Grid, names: tuple[str, ...], by: Callable[..., np.ndarray]) -> Grid:
+    of_record: dict[str, Any] = {n: by(getattr(whole.record, n)) for n in names if n != "force"}
+    force = by(whole.force) if "force" in names else whole.force
+    return Grid(whole.machine, replace(whole.record, **of_record), force, whole.step)
+
+
+def _chambers(whole: Grid, j: int) -> Grid:
+    a, b = whole.record.needed("pressure_a", "check"), whole.record.needed("pressure_b", "check")
+    first, second = a.copy(), b.copy()
+    first[:, j], second[:, j] = b[:, j], a[:, j]
+    return Grid(
+        whole.machine,
+        replace(whole.record, pressure_a=first, pressure_b=second),
+        whole.force,
+        whole.step,
+    )
+
+
+# Delay and drift between forces and positions, where the force fits the motion best.
+
+TINY = float(np.finfo(float).tiny)
+SHORTEST_RECORDING = 6.0 * LONGEST_DELAY  # s, of which the ends are not used
+STEPS = np.arange(-LONGEST_DELAY, LONGEST_DELAY + DELAY_STEP / 2, DELAY_STEP)  # s
+DRIFTS = np.linspace(-LARGEST_DRIFT, LARGEST_DRIFT, 17)  # s/s, a quarter of a per cent apart
+
+
+@dataclass(frozen=True)
+class Delay:
+    """The force is `delay` [s] behind the positions in the middle, and gains `drift` [s/s].
+
+    `left` and `left_without` are the shares of the force unexplained as recorded, and without the
+    delay. `joints` are those on which it shows; it is `common` where they are several that agree.
+    """
+
+    delay: float
+    drift: float
+    left: float
+    left_without: float
+    joints: tuple[str, ...]
+    common: bool
+
+
+class _Scan:
+    """What is unexplained of the force at any delay: the motion stays, the force is shifted."""
+
+    def __init__(self, model: Model, whole: Grid) -> None:
+        margin = round(LONGEST_DELAY / whole.step) + 1
+        every = max(1, int(whole.moving.sum()) // ROWS)
+        found = equations(model, whole, slice(margin, len(whole.record) - margin, every))
+        self.whole, self.rows, self.joint = whole, found.sample, found.joint
+        self.basis = np.linalg.qr(found.columns)[0]
+        self.scale = 1.0 / found.scale[found.joint]
+        self.time = whole.record.time - whole.record.time[0]
+        self.middle = 0.5 * self.time[-1]
+
+    def left(self, delay: float, drift: float) -> np.ndarray:
+        """(j,) power unexplained of each joint, over that of its force."""
+        at = self.time + delay + drift * (self.time - self.middle)
+        shifted = np.stack([np.interp(at, self.time, one) for one in self.whole.pistons.T], axis=1)
+        force = self.whole.generalized(shifted)[self.rows, self.joint] * self.scale
+        error = force - self.basis @ (self.basis.T @ force)
+        count = len(self.whole.joints)
+        left, power = (
+            np.bincount(self.joint, values**2, minlength=count) for values in (error, force)
+        )
+        return left / np.maximum(power, TINY)
+
+
+def find_delay(model: Model, whole: Grid) -> Delay | None:
+    """The delay that explains most of what is unexplained, or None where none matters."""
+    if whole.record.time[-1] - whole.record.time[0] < SHORTEST_RECORDING:
+        return None
+    scan, joints = _Scan(model, whole), range(len(whole.joints))
+    as_is = scan.left(0.0, 0.0)
+    if np.sqrt(as_is.max()) < LEAST_UNEXPLAINED:
+        return None
+    at_steps = np.array([scan.left(step, 0.0) for step in STEPS])  # (steps, j)
+    delay, drift = _best(scan, at_steps.sum(axis=1))
+    own = [_of_joint(scan, j, STEPS[at_steps[:, j].argmin()], drift) for j in joints]
+    shows = [
+        j
+        for j in joints
+        if (drift or abs(own[j].delay) > SHORTEST_DELAY)
+        and np.sqrt(as_is[j]) > LEAST_UNEXPLAINED
+        and own[j].left < POWER_LEFT * as_is[j]
+    ]
+    if not shows:
+        return None
+    delays = np.array([own[j].delay for j in shows])
+    typical = float(np.median(delays))
+    alike = np.abs(delays - typical) < max(SHORTEST_DELAY, AGREEING * abs(typical))
+    common = len(shows) > 1 and bool(alike.all())
+    if not common:
+        worst = max(shows, key=lambda j: as_is[j] - own[j].left)
+        if own[worst].left > ALONE * as_is[worst]:
+            return None
+        shows, delay = [worst], own[worst].delay
+    without = scan.left(delay, drift)
+    left, left_without = (float(np.sqrt(power[shows].mean())) for power in (as_is, without))
+    return Delay(delay, drift, left, left_without, tuple(whole.joints[j] for j in shows), common)
+
+
+class _OfJoint(NamedTuple):
+    """The best delay [s] of one joint, and the power that it leaves."""
+
+    delay: float
+    left: float
+
+
+def _of_joint(scan: _Scan, j: int, around: float, drift: float) -> _OfJoint:
+    delays = around + np.linspace(-DELAY_STEP, DELAY_STEP, 21)
+    left = np.array([scan.left(delay, drift)[j] for delay in delays])
+    return _OfJoint(float(delays[left.argmin()]), float(left.min()))
+
+
+def _best(scan: _Scan, at_steps: np.ndarray) -> tuple[float, float]:
+    """Delay and drift that leave least, given what each of `STEPS` leaves (steps,).
+
+    A drift must leave much less than any delay, and must be one that clocks have.
+    """
+    delay, drift = float(STEPS[at_steps.argmin()]), 0.0
+    drifting = [(d, s) for s in DRIFTS for d in delay + DELAY_STEP * np.arange(-8, 9, 2)]
+    tried = [scan.left(*one).sum() for one in drifting]
+    if min(tried) < POWER_LEFT * at_steps.min():
+        delay, drift = _refined(scan, *drifting[int(np.argmin(tried))])
+    if abs(drift) < max(DRIFT, LEAST_DRIFT / scan.time[-1]):
+        drift = 0.0
+    return (delay, drift) if drift else _refined(scan, delay, 0.0)
+
+
+def _refined(scan: _Scan, delay: float, drift: float) -> tuple[float, float]:
+    """The best delay and drift around these; without drift there is none."""
+    scale = np.array([DELAY_STEP, DRIFT])
+    free = np.array([1.0, float(drift != 0.0)])
+    start = np.array([delay, drift])
+
+    def left(x: np.ndarray) -> float:
+        return float(scan.left(*(start + free * scale * x)).sum())
+
+    found = minimize(left, np.zeros(2), method="Nelder-Mead", options={"maxfev": 60}).x
+    best = start + free * scale * found
+    return float(best[0]), float(best[1])

@@ -9,7 +9,7 @@ from scipy.ndimage import binary_erosion
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import resample
-from crane_identification.recording_check.constants import (
+from crane_identification.recording_check.suspicion import (
     BANDWIDTH,
     LEAST_MOTION,
     MOVING,

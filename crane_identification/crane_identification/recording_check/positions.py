@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.notation import spoken
-from crane_identification.recording_check.constants import (
+from crane_identification.recording_check.suspicion import (
     ALMOST_ALL,
     COARSE,
     OUTSIDE,
@@ -16,8 +16,8 @@ from crane_identification.recording_check.constants import (
     UNITS_OF_ANGLE,
     UNITS_OF_LENGTH,
     VISIBLE,
+    Suspicion,
 )
-from crane_identification.recording_check.suspicion import Suspicion
 from crane_identification.signals.motion import encoder_resolution
 from crane_model.machine import Machine
 

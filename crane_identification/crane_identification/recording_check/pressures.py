@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.notation import spoken
-from crane_identification.recording_check.constants import (
+from crane_identification.recording_check.suspicion import (
     ALMOST_ALL,
     FEEBLE,
     FULL,
@@ -15,8 +15,8 @@ from crane_identification.recording_check.constants import (
     SUPPLY,
     UNITS_OF_PRESSURE,
     VACUUM,
+    Suspicion,
 )
-from crane_identification.recording_check.suspicion import Suspicion
 from crane_model.flow.oil import ATMOSPHERE
 from crane_model.machine import Machine
 

@@ -9,7 +9,7 @@ import numpy as np
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import sampling_rate
 from crane_identification.notation import spoken
-from crane_identification.recording_check.constants import (
+from crane_identification.recording_check.suspicion import (
     ASKED,
     ASKED_FOR,
     ASKED_WAY,
@@ -23,8 +23,8 @@ from crane_identification.recording_check.constants import (
     PLATEAU,
     RARELY,
     SPEED_OVER,
+    Suspicion,
 )
-from crane_identification.recording_check.suspicion import Suspicion
 from crane_identification.signals.motion import encoder_resolution
 
 CAUSES = {

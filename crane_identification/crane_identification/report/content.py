@@ -2,24 +2,168 @@
 
 import platform
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
+from typing import NamedTuple
 
 import numpy as np
 
 from crane_identification.data.log import Log
+from crane_identification.data.resample import Samples, resample
+from crane_identification.estimation.estimate import condition_numbers
+from crane_identification.estimation.regression import Rows
 from crane_identification.fitting import FitResult
+from crane_identification.notation import NONE, percent, plain
 from crane_identification.online.replay import Recursive
 from crane_identification.options import Options
-from crane_identification.report.errors import JointErrors, pooled
+from crane_identification.preparation.run import Preparation
+from crane_identification.signals.butterworth import ButterworthDifferentiator
+from crane_identification.signals.decimate import decimate
+from crane_identification.signals.kalman import KalmanSmoother
+from crane_identification.signals.motion import MotionEstimator, encoder_resolution
 from crane_identification.validation.command_validation import (
     CommandValidation,
     commands_validated,
 )
 from crane_identification.validation.force_validation import Validation, compare
 from crane_identification.validation.motion_validation import MotionValidation, validate_motion
+from crane_model.cylinders import generalized_forces
+from crane_model.model_file import Model
+
+# A recording as it came from the machine, on one time base, for its figure (Fig. 9).
+
+
+@dataclass(frozen=True)
+class Recording:
+    """n samples of j joints; a row of NaN stands in each gap. None: not logged.
+
+    `time` (n,) [s]; positions [rad or m], the estimated `velocity` [per s], the generalized
+    `force` [N m or N] and the reference (n, j).
+    """
+
+    source: str
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    force: np.ndarray
+    reference_position: np.ndarray | None
+    reference_velocity: np.ndarray | None
+
+
+def recorded(
+    model: Model, log: Log, motion: MotionEstimator | None, bandwidth: np.ndarray
+) -> Recording:
+    """The whole of `log`, not averaged: forces through (27) where the log holds pressures.
+
+    What tunes itself is a Kalman smoother here, set to the `bandwidth` (j,) [Hz] found for the
+    averaged motion, so that both are smoothed alike, and without another search.
+    """
+    samples = resample(log)
+    force = _forces(model, samples)
+    resolution = encoder_resolution(log.position.value)
+    estimator = _tuned(motion, bandwidth, 1.0 / samples.rate)
+    runs = [np.flatnonzero(samples.run == run) for run in np.unique(samples.run)]
+    velocity = np.full_like(samples.position, np.nan)
+    for rows in runs:
+        estimate = estimator.estimate(samples.position[rows], 1.0 / samples.rate, resolution)
+        velocity[rows] = estimate.velocity
+    gaps = np.array([rows[-1] + 1 for rows in runs[:-1]], dtype=int)
+
+    def opened(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else np.insert(values, gaps, np.nan, axis=0)
+
+    return Recording(
+        source=log.source,
+        time=np.insert(samples.time, gaps, samples.time[gaps - 1] + 1.0 / samples.rate),
+        position=np.insert(samples.position, gaps, np.nan, axis=0),
+        velocity=np.insert(velocity, gaps, np.nan, axis=0),
+        force=np.insert(force, gaps, np.nan, axis=0),
+        reference_position=opened(samples.reference_position),
+        reference_velocity=opened(samples.reference_velocity),
+    )
+
+
+def _forces(model: Model, samples: Samples) -> np.ndarray:
+    if samples.force is not None:
+        return samples.force
+    assert model.machine is not None and samples.pressure_a is not None  # the fit refused such logs
+    assert samples.pressure_b is not None
+    return generalized_forces(
+        model.machine, samples.position, samples.pressure_a, samples.pressure_b, model.joints
+    )
+
+
+def _tuned(motion: MotionEstimator | None, bandwidth: np.ndarray, step: float) -> MotionEstimator:
+    if isinstance(motion, ButterworthDifferentiator):
+        return motion
+    if isinstance(motion, KalmanSmoother) and motion.jerk_density is not None:
+        return motion
+    # With readings of unit noise, the density of the jerk alone sets the bandwidth.
+    density = step * (2 * np.pi * bandwidth) ** 6
+    return KalmanSmoother(tuple(density.tolist()), (1.0,) * len(bandwidth))
+
+
+# Relative errors per joint over several recordings, and the scatter between periods.
+
+
+@dataclass(frozen=True)
+class JointErrors:
+    """Shares of one, per joint (j,), over all samples of all recordings together.
+
+    `relative` is ‖τ - τ̂‖/‖τ‖, `moving` the same over the samples at which the sign of the joint's
+    velocity is known, `without_gravity` the error relative to τ without its gravity part, and
+    `noise_floor` the scatter of τ from period to period (NaN where no period was repeated).
+    """
+
+    relative: np.ndarray
+    moving: np.ndarray
+    without_gravity: np.ndarray
+    noise_floor: np.ndarray
+
+
+def pooled(model: Model, validations: Sequence[Validation]) -> JointErrors:
+    """Errors of `model` in at least one validation, as if the recordings were one."""
+    measured = np.concatenate([v.measured for v in validations])
+    error = measured - np.concatenate([v.predicted for v in validations])
+    gravity = np.concatenate([v.gravity for v in validations])
+    noise = np.sqrt(sum(len(v.time) * v.noise_floor**2 for v in validations))
+    rows = Rows.stack([v.rows for v in validations])
+    whole = np.linalg.norm(measured, axis=0)
+    return JointErrors(
+        relative=np.linalg.norm(error, axis=0) / whole,
+        moving=rows.norms(rows.residual(model.theta)) / rows.norms(rows.force),
+        without_gravity=np.linalg.norm(error, axis=0) / np.linalg.norm(measured - gravity, axis=0),
+        noise_floor=noise / whole,
+    )
+
+
+def scatter(validation: Validation) -> np.ndarray | None:
+    """Standard deviation of the averaged force (n, j) [N m or N].
+
+    From the scatter between periods through the same filter; None if there was only one.
+    """
+    preparation, factor = validation.preparation, _factor(validation)
+    count = len(preparation.periods)
+    if count < 2:
+        return None
+    periods = [decimate(one, factor, preparation.periodic) for one in preparation.periods]
+    return np.std(periods, axis=0, ddof=1) / np.sqrt(count)
+
+
+def left_out(preparation: Preparation, joint: int) -> list[tuple[float, float]]:
+    """Stretches of time [s] in which the sign of the joint's velocity is not known."""
+    time, step = preparation.record.time, preparation.step
+    still = ~preparation.moving[:, joint]
+    edges = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2)
+    return [(float(time[a]), float(time[b - 1] + step)) for a, b in edges]
+
+
+def _factor(validation: Validation) -> int:
+    """By how much the forces of a validation are decimated."""
+    return round(float(validation.time[1] - validation.time[0]) / validation.preparation.step)
+
 
 PACKAGES = (
     "crane_identification",
@@ -134,3 +278,46 @@ class IdentificationReport:
     def validation_bags(self) -> list[str]:
         """Sources of the validation, each once."""
         return list(dict.fromkeys(v.source for v in self.validations))
+
+
+# The recordings that went into a report: what each is and how well the model predicts it.
+
+
+class SourceRow(NamedTuple):
+    """One gapless run of a recording; `errors` of every joint, in percent."""
+
+    source: str
+    use: str
+    period: str
+    periods: str
+    condition: str
+    errors: list[str]
+
+
+def source_rows(report: IdentificationReport) -> list[SourceRow]:
+    """Training and validation, in the order they were given."""
+    uses: dict[str, Sequence[Validation]] = {
+        "training": report.compared,
+        "validation": report.validations,
+    }
+    return [row for use, compared in uses.items() for row in _rows(use, compared)]
+
+
+def _rows(use: str, compared: Sequence[Validation]) -> Iterator[SourceRow]:
+    for one in compared:
+        averaging, record = one.preparation.averaging, one.preparation.record
+        length = float(record.time[-1] - record.time[0]) + one.preparation.step
+        yield SourceRow(
+            source=one.source,
+            use=use,
+            period=plain(averaging.period if averaging else length),
+            periods=str(averaging.used) if averaging else NONE,
+            condition=_condition(one.rows.stacked),
+            errors=[percent(float(error)) for error in one.relative_error],
+        )
+
+
+def _condition(stacked: np.ndarray) -> str:
+    """In SI units; beyond what the arithmetic can tell, infinite."""
+    raw, _ = condition_numbers(stacked)
+    return plain(raw if raw < 1e12 else np.inf)

@@ -7,7 +7,7 @@ import numpy as np
 
 from crane_identification.notation import spoken, unit
 from crane_identification.preparation.run import Preparation
-from crane_identification.report.errors import left_out, scatter
+from crane_identification.report.content import Recording, left_out, scatter
 from crane_identification.report.figure import (
     MEASURED,
     MODEL,
@@ -18,7 +18,6 @@ from crane_identification.report.figure import (
     Figure,
     Panel,
 )
-from crane_identification.report.recording import Recording
 from crane_identification.validation.command_validation import CommandedCourse
 from crane_identification.validation.force_validation import Validation
 from crane_model.model_file import Model

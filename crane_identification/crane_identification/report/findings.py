@@ -9,6 +9,7 @@ from crane_identification.estimation.prior_check import CHANGED, Change, PriorCo
 from crane_identification.fitting import FitResult
 from crane_identification.notation import (
     NONE,
+    is_determined,
     listed,
     plain,
     short_percent,
@@ -17,10 +18,8 @@ from crane_identification.notation import (
     with_uncertainty,
 )
 from crane_identification.preparation.run import Preparation
-from crane_identification.report.errors import pooled
-from crane_identification.validation.carry_over import elsewhere
-from crane_identification.validation.determination import undetermined
-from crane_identification.validation.force_validation import Validation
+from crane_identification.report.content import IdentificationReport, pooled
+from crane_identification.validation.force_validation import Validation, elsewhere, undetermined
 from crane_model.terms import Parameter
 
 UNCERTAIN = 0.1
@@ -213,3 +212,55 @@ def _elsewhere(fit: FitResult, validations: Sequence[Validation]) -> tuple[str, 
     there = pooled(fit.model, validations)
     trained = fit.estimate.relative_error
     return elsewhere(fit.model.joints, there.moving, trained, there.noise_floor)
+
+
+# The result in a few plain sentences.
+
+TYPICAL_BAGS = 3  # as many are named; more are counted
+
+
+def verdict(report: IdentificationReport) -> str:
+    """Held-out errors against noise floors, and how many parameters are known how well."""
+    return f"{_errors(report)} {_parameters_told(report)}"
+
+
+def bags(sources: Sequence[str]) -> str:
+    """Names of a few recordings, the number of many."""
+    if len(sources) <= TYPICAL_BAGS:
+        return listed(list(sources))
+    return f"{len(sources)} recordings ({sources[0]} … {sources[-1]})"
+
+
+def _errors(report: IdentificationReport) -> str:
+    held_out, joints = report.held_out, report.fit.model.joints
+    if held_out is None:
+        return "The model has not been validated: no recording was held out."
+    parts = []
+    for j, joint in enumerate(joints):
+        floor = float(held_out.noise_floor[j])
+        noise = f"noise {short_percent(floor)}" if np.isfinite(floor) else "noise not known"
+        parts.append(
+            f"{short_percent(float(held_out.relative[j]))} at the {spoken(joint)} ({noise})"
+        )
+    return (
+        "On data that the fit has not seen, predicted and measured force differ by "
+        f"{listed(parts)}."
+    )
+
+
+def _parameters_told(report: IdentificationReport) -> str:
+    estimate, parameters = report.fit.estimate, report.fit.model.parameters
+    count = len(parameters)
+    determined = sum(
+        is_determined(float(value), float(std_dev), parameter.minimum)
+        for parameter, value, std_dev in zip(
+            parameters, estimate.values, estimate.std_devs, strict=True
+        )
+    )
+    certain = int((estimate.relative_std_devs <= UNCERTAIN).sum())
+    which = f"All {count}" if determined == count else f"{determined} of {count}"
+    better = "all" if certain == determined else f"{certain}"
+    return (
+        f"{which} parameters are determined, {better} of them to "
+        f"{short_percent(UNCERTAIN)} or better."
+    )

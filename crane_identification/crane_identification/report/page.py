@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from crane_identification.notation import spoken
 from crane_identification.report import tables, template
-from crane_identification.report.content import IdentificationReport
+from crane_identification.report.content import IdentificationReport, recorded, source_rows
 from crane_identification.report.figure import Figure
 from crane_identification.report.figures import (
     averaged_figures,
@@ -14,18 +14,16 @@ from crane_identification.report.figures import (
     reference_figures,
     validation_figures,
 )
-from crane_identification.report.hydraulics import hydraulic_groups
-from crane_identification.report.links import PageLink, link, page_of
+from crane_identification.report.findings import bags, verdict
 from crane_identification.report.processing import processing
-from crane_identification.report.recording import recorded
 from crane_identification.report.recursion import (
     recursive_errors,
     recursive_groups,
     settling_figures,
 )
-from crane_identification.report.sources import source_rows
-from crane_identification.report.verdict import bags, verdict
-from crane_model.progress import Progress, silent
+from crane_identification.report.tables import hydraulic_groups
+from crane_identification.report.template import PageLink, link, page_of
+from crane_model.progress_bar import Progress, silent
 
 
 class RowOfFigures(NamedTuple):

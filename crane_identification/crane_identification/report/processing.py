@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from crane_identification.estimation.lack_of_fit import LackOfFit
+from crane_identification.estimation.autoregression import LackOfFit
 from crane_identification.notation import listed, plain, spoken
 from crane_identification.preparation.run import Preparation
 from crane_identification.report.content import IdentificationReport

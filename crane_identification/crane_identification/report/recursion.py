@@ -17,8 +17,8 @@ from crane_identification.report.figure import (
     Figure,
     Panel,
 )
+from crane_identification.report.marks import parameter_symbol
 from crane_identification.report.tables import with_headings
-from crane_identification.symbols import parameter_symbol
 
 PANELS = 4  # of a figure, above each other
 SETTLED = 0.2

@@ -1,6 +1,6 @@
 """Rows of the page's tables, as they are printed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +20,99 @@ from crane_identification.notation import (
 from crane_identification.report import marks
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.findings import UNCERTAIN
-from crane_identification.symbols import entry_symbol, parameter_symbol, prose
+from crane_identification.report.marks import entry_symbol, parameter_symbol, prose
 from crane_model.base_parameters import REPORT_PARAMETERS, REPORT_UNITS, report_from_base
 from crane_model.dynamics import Geometry
+from crane_model.hydraulics.values import HydraulicValues, JointHydraulics, Measured
 from crane_model.model_file import Model
 from crane_model.terms import Parameter
+
+# Rows of the hydraulics, as they are printed on the page and in the terminal.
+
+MEANING = {
+    "dead_zone_a": "dead zone towards chamber A",
+    "dead_zone_b": "dead zone towards chamber B",
+    "hysteresis": "play between spool and edges",
+    "lag": "lag of loop and spool together",
+    "natural_frequency": "natural frequency of the spool",
+    "damping_ratio": "damping ratio of the spool",
+    "supply_a": "gain of the edge from supply to A",
+    "a_tank": "gain of the edge from A to tank",
+    "supply_b": "gain of the edge from supply to B",
+    "b_tank": "gain of the edge from B to tank",
+    "bulk_modulus": "effective bulk modulus",
+    "dead_volume_a": "dead volume of A",
+    "dead_volume_b": "dead volume of B",
+    "leakage": "leakage past the piston",
+    "pressure": "supply pressure where nothing is drawn",
+    "droop": "fall of it with the flow that is drawn",
+}
+
+
+class HydraulicRow(NamedTuple):
+    """A value; `note` says how it is known where no recording tells it, `planted` is a dash
+    where nothing was.
+    """
+
+    name: str
+    meaning: str
+    value: str
+    std_dev: str
+    relative: str
+    unit: str
+    planted: str
+    note: str
+
+
+class HydraulicGroup(NamedTuple):
+    """The values of a joint, or of the supply, and how well their equations hold."""
+
+    heading: str
+    fit: str
+    rows: list[HydraulicRow]
+
+
+def hydraulic_groups(
+    values: HydraulicValues | None, planted: Mapping[str, float] | None = None
+) -> list[HydraulicGroup]:
+    """Each joint, then the supply; none where nothing was identified. `planted` as NAME.JOINT."""
+    if values is None:
+        return []
+    groups = []
+    for joint, one in values.joints.items():
+        true = {name: (planted or {}).get(f"{name}.{joint}") for name in one.values}
+        rows = _rows(one.values, one.undetermined, true)
+        groups.append(HydraulicGroup(spoken(joint), _fit(one), rows))
+    if values.supply is not None:
+        groups.append(HydraulicGroup("supply", "", _rows(values.supply.by_name, {}, {})))
+    return groups
+
+
+def _fit(one: JointHydraulics) -> str:
+    told = f"{percent(one.unexplained)} of the flow unexplained"
+    if one.lack_of_fit is None:
+        return told
+    return f"{told}; noise alone leaves as much with p = {plain(one.lack_of_fit, 2)}"
+
+
+def _rows(
+    values: Mapping[str, Measured],
+    undetermined: Mapping[str, str],
+    planted: Mapping[str, float | None],
+) -> list[HydraulicRow]:
+    rows = []
+    for name, one in values.items():
+        if one.std_dev is None:
+            printed, note = (plain(one.value), NONE, NONE), "assumed"
+        else:
+            printed, note = shown(one.value, one.std_dev), ""
+        if name in undetermined:
+            note = f"not determined; {undetermined[name]} would tell"
+        unit = "" if one.unit == "1" else one.unit
+        true = planted.get(name)
+        told = NONE if true is None else with_uncertainty(true, one.std_dev or 0.0)[0]
+        rows.append(HydraulicRow(name, MEANING[name], *printed, unit, told, note))
+    return rows
 
 
 class ParameterRow(NamedTuple):

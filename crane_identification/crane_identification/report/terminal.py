@@ -11,7 +11,7 @@ from rich.table import Table
 
 from crane_identification.notation import percent, plain, shown
 from crane_identification.report.content import IdentificationReport
-from crane_identification.report.hydraulics import hydraulic_groups
+from crane_identification.report.tables import hydraulic_groups
 from crane_identification.validation.command_validation import CommandValidation
 from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.hydraulics.values import HydraulicValues

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from crane_model.errors import CraneError
-from crane_model.progress import Progress
+from crane_model.progress_bar import Progress
 
 LOOK = 0.2  # s between two looks at how far it is
 

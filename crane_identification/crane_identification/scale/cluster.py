@@ -4,7 +4,9 @@ Every recording is read, prepared and turned into rows by one worker and stays t
 information matrix travels, and for the second round of `summed` what it tells of the covariance.
 """
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +14,49 @@ from distributed import Client, as_completed
 
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
-from crane_identification.estimation.covariance import meat
+from crane_identification.estimation.least_squares import meat
 from crane_identification.estimation.regression import common_factor
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_identification.recording_check.check import vetted
-from crane_identification.scale.client import connected
 from crane_identification.scale.information import Information
-from crane_identification.scale.recording import read, rows_of
-from crane_identification.scale.summed import FirstRound, SummedFit
+from crane_identification.scale.summed import FirstRound, SummedFit, read, rows_of
+from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
+
+# A Dask cluster that answers.
+
+ANSWER = 30.0  # s for the scheduler to answer
+ADDRESS = re.compile(r"(tcp|tls|ws|wss)://([^\s:/\[\]]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}")
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Client]:
+    """A client of the cluster whose scheduler is at tcp://host:port.
+
+    Raises `ConfigurationError` if that is no address, no scheduler answers or it has no workers.
+    """
+    if not ADDRESS.fullmatch(address):
+        raise ConfigurationError(
+            f"no address of a Dask scheduler: {address}; write tcp://HOST:PORT, or tls://, ws:// "
+            "or wss:// where the scheduler listens so"
+        )
+    try:
+        client = Client(address, timeout=ANSWER, set_as_default=False)
+    except OSError as error:
+        raise ConfigurationError(
+            f"no Dask scheduler answers at {address} within {ANSWER:g} s ({error}); start one with "
+            "`dask scheduler`, and workers with `dask worker ADDRESS` where the bags can be read"
+        ) from None
+    with client:
+        if not client.scheduler_info()["workers"]:
+            raise ConfigurationError(
+                f"the Dask scheduler at {address} has no workers; start some with `dask worker "
+                f"{address}`"
+            )
+        yield client
 
 
 def fit_on_cluster(

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.linalg import LinAlgError
 from scipy.linalg import cholesky
 
-from crane_identification.estimation.rows import BasicSolution, Rows, balance, solve
+from crane_identification.estimation.regression import BasicSolution, Rows, balance, solve
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record

@@ -7,7 +7,7 @@ from scipy import signal
 
 from crane_identification.signals.motion import SmoothedMotion, checked
 from crane_model.errors import DataError
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 FREQUENCIES = 4096
 """Points of the frequency response over which the noise of the velocity is summed."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from crane_identification.signals.decimate import KEPT_SHARE
 from crane_identification.signals.motion import SmoothedMotion, checked
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 SHORTEST = 20
 ORDERS = range(5, 13)

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from crane_identification.signals.motion import SmoothedMotion, checked
 from crane_model.errors import DataError
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 STATES = 3
 SHORTEST = 20

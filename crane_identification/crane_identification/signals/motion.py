@@ -6,7 +6,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from crane_model.errors import DataError
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 SAME_READING = 1e-9
 """Readings closer than this share of their range are the same encoder count (float rounding)."""
@@ -90,3 +90,24 @@ def _smallest_step(readings: np.ndarray) -> float:
     steps = np.diff(np.unique(readings))
     steps = steps[steps > SAME_READING * np.ptp(readings)]
     return float(steps.min()) if len(steps) else 0.0
+
+
+# What estimators of motion leave of a signal, so that others can be seen as they see theirs.
+
+ORDER = 6
+"""Of the response 1/(1 + (f/bandwidth)⁶): the Kalman smoother's, and that of the Fourier fit where
+the acceleration jumps, as dry friction makes it."""
+
+
+def smoothed_alike(
+    values: np.ndarray, bandwidth: np.ndarray, step: float, periodic: bool
+) -> np.ndarray:
+    """`values` (n, j), sampled every `step` s, as a motion of that `bandwidth` (j,) [Hz] would be.
+
+    An infinite bandwidth changes nothing. One whole period of values continues over its ends where
+    it is `periodic`; otherwise they are mirrored there.
+    """
+    around = values if periodic else np.concatenate([values, values[::-1]])
+    frequency = np.fft.rfftfreq(len(around), step)[:, np.newaxis]
+    kept = np.fft.rfft(around, axis=0) / (1.0 + (frequency / bandwidth) ** ORDER)
+    return np.fft.irfft(kept, len(around), axis=0)[: len(values)]

@@ -11,7 +11,7 @@ from crane_identification.signals.fourier import FourierFit
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.motion import MotionEstimator, SmoothedMotion
 from crane_model.errors import DataError
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 
 def estimate_record(

@@ -7,12 +7,10 @@ import numpy as np
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_trajectory.control.controller import GainArrays
-from crane_trajectory.control.cycle import STOP_RATE
-from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
+from crane_trajectory.control.flow_feedforward import STOP_RATE, FlowFeedforward, feedback_gains
 from crane_trajectory.control.interface import ControlCondition, Controller, SensorReading, Wanted
 from crane_trajectory.control.learning import Learning
-from crane_trajectory.control.pd_dead_zone import PdDeadZone
+from crane_trajectory.control.pd_dead_zone import GainArrays, PdDeadZone
 from crane_trajectory.control.valves_and_oil import identified
 
 PD_DEAD_ZONE = "pd_dead_zone"

@@ -1,9 +1,11 @@
-"""What every controller takes and gives: a state in, a command out; no ROS and no clock."""
+"""The interface of all controllers: a state in, a command out; without ROS and without a clock."""
 
 from enum import IntEnum
 from typing import NamedTuple, Protocol
 
 import numpy as np
+
+# What every controller takes and gives: a state in, a command out; no ROS and no clock.
 
 
 class SensorReading(NamedTuple):
@@ -125,3 +127,36 @@ def in_words(conditions: tuple[ControlCondition, ...], joints: tuple[str, ...]) 
         return worst.text
     have_it = [joint for joint, one in zip(joints, conditions, strict=True) if one == worst]
     return f"{', '.join(have_it)}: {worst.text}"
+
+
+# A controller around another one.
+
+
+class WrappedController:
+    """A controller that does all as the `inner` one does; what differs, another class overrides."""
+
+    def __init__(self, inner: Controller):
+        self.inner = inner
+
+    @property
+    def preview(self) -> float:
+        """As the inner one has it [s]."""
+        return self.inner.preview
+
+    @property
+    def by_model(self) -> np.ndarray:
+        """As the inner one has it (j,)."""
+        return self.inner.by_model
+
+    @property
+    def conditions(self) -> tuple[ControlCondition, ...]:
+        """As the inner one has them."""
+        return self.inner.conditions
+
+    def start(self, command: np.ndarray) -> None:
+        """As the inner one."""
+        self.inner.start(command)
+
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
+        """As the inner one (j,)."""
+        return self.inner.command(dt, reading, wanted)

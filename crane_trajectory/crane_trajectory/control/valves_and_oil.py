@@ -1,13 +1,57 @@
-"""What the controllers know of valves and oil: one record a joint, for compiled loops."""
+"""Valves, oil and cylinders of all joints as records for compiled controllers."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from crane_model.errors import ConfigurationError
 from crane_model.hydraulics.values import HydraulicValues
 from crane_model.machine import Machine
+from crane_trajectory.control.adaptation import adapt
+from crane_trajectory.control.interface import ControlCondition
+
+# Cylinder lengths and lever arms of a machine as tables, for compiled loops.
+
+KNOTS = 513  # cubic between knots: errors below 1e-9 m over the ranges of Table 2
+
+
+def tables(machine: Machine) -> np.ndarray:
+    """(j, KNOTS, 4): q, length x [m], dx/dq, d2x/dq2 of each joint over its range."""
+    rows = []
+    for joint in machine.joint_names:
+        limits = machine.limits[joint]
+        q = np.linspace(limits.position_min, limits.position_max, KNOTS)
+        rows.append(np.column_stack([q, machine.cylinder(joint, q)]))
+    return np.array(rows)
+
+
+@njit(cache=True, error_model="numpy")
+def length_and_lever(table: np.ndarray, q: float) -> tuple[float, float]:
+    """x [m] and dx/dq at q, from the rows (KNOTS, 4) of a joint; beyond them on a straight line."""
+    step = table[1, 0] - table[0, 0]
+    place = (q - table[0, 0]) / step
+    if not 0.0 <= place <= len(table) - 1.0:
+        end = 0 if place < 0.0 else len(table) - 1
+        return table[end, 1] + table[end, 2] * (q - table[end, 0]), table[end, 2]
+    k = min(int(place), len(table) - 2)
+    s = place - k
+    return (
+        _hermite(s, table[k, 1], step * table[k, 2], table[k + 1, 1], step * table[k + 1, 2]),
+        _hermite(s, table[k, 2], step * table[k, 3], table[k + 1, 2], step * table[k + 1, 3]),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _hermite(s: float, y0: float, d0: float, y1: float, d1: float) -> float:
+    """The cubic on 0..1 with values y and slopes d at its ends."""
+    rise = y1 - y0
+    return y0 + s * (d0 + s * (3.0 * rise - 2.0 * d0 - d1 + s * (d0 + d1 - 2.0 * rise)))
+
+
+# What the controllers know of valves and oil: one record a joint, for compiled loops.
 
 TURN = 2.0 * np.pi  # rad, of the shaft of a motor
 
@@ -111,3 +155,331 @@ MAY_BE_ZERO = SIGNED | {
     "dead_volume_a", "dead_volume_b", "leakage", "dead_zone_extend", "dead_zone_retract",
     "play", "lag", "tank_pressure",
 }  # fmt: skip
+
+
+# Whether transducers tell the truth and valves answer: one record a joint, for compiled loops.
+
+WATCH = ("last_a", "last_b", "same_a", "same_b", "bad", "silent", "astray")
+"""Last readings [Pa], for how long they have not changed [s], for how long pressures stay unused
+[s]; for how long the joint has not answered, has moved the wrong way [s]."""
+
+STUCK = 0.2  # s without any change of a reading while the joint moves
+USED_AGAIN = 1.0  # s after which pressures that were lost are used again
+LOWEST_PRESSURE = -5.0e5  # Pa, gauge: less there is not
+LARGEST_STEP = 8.0e6  # Pa from cycle to cycle
+LARGEST_SHARE = 2.0  # of the supply pressure, in a chamber
+LARGEST_MISFIT = 0.5  # of the largest force: measured against that of the model
+OPEN = 0.05  # opening at which a joint surely moves
+UNANSWERED = 0.5  # s
+ASTRAY = 0.3  # s
+NO_NEWS = int(ControlCondition.FOLLOWING)
+SILENT, WRONG = int(ControlCondition.NO_ANSWER), int(ControlCondition.WRONG_MODEL)
+
+
+@njit(cache=True, error_model="numpy")
+def transducers_good(
+    watch: np.record,
+    area_a: float,
+    area_b: float,
+    supply: float,
+    pressure_a: float,
+    pressure_b: float,
+    load: float,
+    moving: bool,
+    dt: float,
+) -> bool:
+    """Whether two readings [Pa] are finite, plausible, alive; `load` [N] is that of the model."""
+    good = math.isfinite(pressure_a + pressure_b)
+    if good:
+        known = watch.last_a != 0.0 or watch.last_b != 0.0
+        for p, last in ((pressure_a, watch.last_a), (pressure_b, watch.last_b)):
+            good &= LOWEST_PRESSURE <= p <= LARGEST_SHARE * supply
+            good &= not known or abs(p - last) <= LARGEST_STEP
+        misfit = area_a * pressure_a - area_b * pressure_b - load
+        good &= abs(misfit) <= LARGEST_MISFIT * area_a * supply
+        same_a, same_b = pressure_a == watch.last_a, pressure_b == watch.last_b
+        watch.same_a = watch.same_a + dt if same_a and moving else 0.0
+        watch.same_b = watch.same_b + dt if same_b and moving else 0.0
+        good &= max(watch.same_a, watch.same_b) < STUCK
+        watch.last_a, watch.last_b = pressure_a, pressure_b
+    if good:
+        watch.bad = max(watch.bad - dt, 0.0)
+    else:
+        watch.bad = USED_AGAIN
+    return watch.bad == 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def answer(watch: np.record, opening: float, expected: float, velocity: float, dt: float) -> int:
+    """`NO_NEWS`, or what is wrong with a joint: `expected` is its speed at the opening."""
+    opened = abs(opening) > OPEN and math.isfinite(velocity)
+    silent = opened and abs(velocity) < 0.1 * abs(expected)
+    astray = opened and velocity * expected < 0.0 and abs(velocity) > 0.25 * abs(expected)
+    watch.silent = watch.silent + dt if silent else 0.0
+    watch.astray = watch.astray + dt if astray else 0.0
+    if watch.astray > ASTRAY:
+        return WRONG
+    return SILENT if watch.silent > UNANSWERED else NO_NEWS
+
+
+# The flow of a valve-controlled cylinder, turned round: from a wanted piston speed to a spool.
+#
+# A chamber of volume V, area A takes the flow K o sqrt(drop) at an opening o. With
+# k = beta A^2 / V, the stiffness of its oil, the force F = A_A p_A - A_B p_B follows
+#
+#     F' = k_A Q_A / A_A + k_B Q_B / A_B - (k_A + k_B) x'
+#
+# so that the piston speed x' and the force rate F' need the opening o = n / g, with
+#
+#     n = x' + F' / (k_A + k_B),    g = [k_A Q_A / A_A + k_B Q_B / A_B] / (k_A + k_B) at o = 1
+#
+# Q_B what leaves B. Where the pressures are not measured, g follows from the load: flow through
+# both edges at the same piston speed.
+
+LEAST_DROP = 2.0e5  # Pa at an edge, of that which is inverted: below it speed is not to be had
+OPENING_AT_EDGE = 0.002  # the command crosses the dead zone within +- this opening
+
+
+@njit(cache=True, error_model="numpy")
+def stiffness(hydraulics: np.record, length: float) -> tuple[float, float]:
+    """k_A, k_B [N/m] of the oil at a cylinder length [m]."""
+    a, b = hydraulics.area_a, hydraulics.area_b
+    low, high = hydraulics.length_min, hydraulics.length_max
+    x = min(max(length, low), high)
+    margin = 1e-3 * (high - low)  # a dead volume may be zero
+    return (
+        hydraulics.bulk_modulus * a * a / (hydraulics.dead_volume_a + a * (x - low + margin)),
+        hydraulics.bulk_modulus * b * b / (hydraulics.dead_volume_b + b * (high - x + margin)),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def edges(hydraulics: np.record, extending: bool) -> tuple[float, float]:
+    """Gains of the edges at chamber A and B that are open."""
+    if extending:
+        return hydraulics.supply_a, hydraulics.b_tank
+    return hydraulics.a_tank, hydraulics.supply_b
+
+
+@njit(cache=True, error_model="numpy")
+def speed_under_load(
+    hydraulics: np.record, extending: bool, gain_a: float, gain_b: float, load: float, supply: float
+) -> float:
+    """g [m/s] from the force on the piston [N]: both edges pass what the piston sweeps."""
+    a, b, tank = hydraulics.area_a, hydraulics.area_b, hydraulics.tank_pressure
+    drop = a * supply - b * tank - load if extending else load + b * supply - a * tank
+    resistance = a**3 / gain_a**2 + b**3 / gain_b**2
+    return math.sqrt(max(drop, (a + b) * LEAST_DROP) / resistance)
+
+
+@njit(cache=True, error_model="numpy")
+def flow_at_pressures(
+    hydraulics: np.record,
+    extending: bool,
+    gain_a: float,
+    gain_b: float,
+    pressure_a: float,
+    pressure_b: float,
+    supply: float,
+) -> tuple[float, float]:
+    """Q_A, Q_B [m3/s] at an opening of 1, positive in the direction of the motion."""
+    tank = hydraulics.tank_pressure
+    drop_a = supply - pressure_a if extending else pressure_a - tank
+    drop_b = pressure_b - tank if extending else supply - pressure_b
+    return (
+        gain_a * math.sqrt(max(drop_a, LEAST_DROP)),
+        gain_b * math.sqrt(max(drop_b, LEAST_DROP)),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def spool(opening: float, dead_zone: float) -> float:
+    """The spool that is `opening` beyond its dead zone."""
+    crossing = min(max(opening / OPENING_AT_EDGE, -1.0), 1.0)
+    return dead_zone * crossing + opening
+
+
+@njit(cache=True, error_model="numpy")
+def against_play(
+    y: float, turned: float, direction: float, play: float
+) -> tuple[float, float, float]:
+    """The command whose spool is y in spite of its play: half the width ahead, in its direction.
+
+    `turned` is the farthest that y has been in its direction: when it comes back by more than a
+    quarter of the play it has turned. Returns command, farthest point and direction.
+    """
+    if direction * (y - turned) >= 0.0:
+        turned = y
+    elif abs(y - turned) > 0.25 * play:
+        direction, turned = -direction, y
+    return y + 0.5 * play * direction, turned, direction
+
+
+# What the controllers that use the model remember from cycle to cycle: see `cycle`.
+
+HISTORY = 64  # cycles of load and spool that are remembered
+
+STATE = (
+    "begun",  # whether the first cycle is over
+    "condition",  # `ControlCondition`
+    "command",
+    "opening",  # last
+    "bump",  # opening that is left of a transition
+    "integral",  # rad/s, m/s
+    "error",  # smoothed, rad, m
+    "load",  # N, piston force ahead
+    "pressed",  # whether the pressures are used
+    "slow",  # N, slow part of what the measured force has more
+    "p_a",  # Pa, last; NaN where not used
+    "p_b",
+    "stood",  # m, where the piston was
+    "squeezed",  # m, by which the oil gives way more than the load of the model asks
+    "turned",  # spool: the farthest since it turned, for its play
+    "direction",  # of the spool
+)
+"""Fields of what a joint remembers from cycle to cycle."""
+
+
+class CycleSetting(NamedTuple):
+    """What does not change while the controller runs; j joints."""
+
+    hydraulics: np.ndarray  # (j,) records
+    gains: np.ndarray  # (j,) records of `FeedbackGains`
+    tables: np.ndarray  # (j, KNOTS, 4) geometry
+    fitted: np.ndarray  # (j,) bool: transducers to be used
+    adaptive: bool
+    by_force: bool
+    preview: float  # s
+
+
+class Memory(NamedTuple):
+    """What changes."""
+
+    state: np.ndarray  # (j,) records, fields STATE
+    watch: np.ndarray  # (j,) records, fields WATCH
+    learnt: np.ndarray  # (j, 2, 4, 3), see `adaptation`
+    windows: np.ndarray  # (j, WINDOW_FIELDS)
+    forces: np.ndarray  # (j, HISTORY) piston forces of the model [N]
+    spools: np.ndarray  # (j, HISTORY)
+
+
+@njit(cache=True, error_model="numpy")
+def before(history: np.ndarray, count: int, cycles: float) -> float:
+    """What was noted `cycles` (whole ones and a share) before the one with the number `count`."""
+    cycles = min(cycles, float(min(count, HISTORY - 2)))
+    whole = int(cycles)
+    newer = history[(count - whole) % HISTORY]
+    older = history[(count - min(whole + 1, count)) % HISTORY]
+    return newer + (cycles - whole) * (older - newer)
+
+
+# What a cycle knows of a cylinder, and what the oil in it asks for: see `flow_feedforward`.
+
+DAMPED = 0.2  # s: slower pressure changes are the load's, faster ones the oil's swinging
+FORCE_GAIN = 20.0  # 1/s, of computed force: of the measured force towards the wanted one
+FORCE_PER_SPEED = 0.02  # s: force that an error of the piston's speed asks for, over k_A + k_B
+
+
+class Piston(NamedTuple):
+    """What a cycle knows of a cylinder."""
+
+    force: float  # N, of the model, as it ought to be now
+    spool: float  # that is in force now, as far as the lag of loop and valve is known
+    supply: float  # Pa
+    stiffness_a: float  # N/m, k_A
+    stiffness_b: float
+    used: bool  # whether the pressures are
+
+
+@njit(cache=True, error_model="numpy")
+def opened(y: float, learnt: np.ndarray) -> float:
+    """How far a spool y is beyond its dead zone."""
+    side = 0 if y > 0.0 else 1
+    return math.copysign(max(abs(y) - learnt[side, 0, 0], 0.0), y)
+
+
+@njit(cache=True, error_model="numpy")
+def speed_opened(
+    h: np.record,
+    learnt: np.ndarray,
+    extends: bool,
+    piston: Piston,
+    force: float,
+    p_a: float,
+    p_b: float,
+) -> float:
+    """g [m/s], the speed of the piston at an opening of 1, with what was learnt."""
+    known = learnt[0 if extends else 1, 0]
+    gain_a, gain_b = edges(h, extends)
+    gain_a, gain_b = gain_a / known[1], gain_b / known[2]
+    if not piston.used:
+        return speed_under_load(h, extends, gain_a, gain_b, force, piston.supply)
+    flow_a, flow_b = flow_at_pressures(h, extends, gain_a, gain_b, p_a, p_b, piston.supply)
+    by_a = piston.stiffness_a * flow_a / h.area_a
+    by_b = piston.stiffness_b * flow_b / h.area_b
+    return (by_a + by_b) / (piston.stiffness_a + piston.stiffness_b)
+
+
+@njit(cache=True, error_model="numpy")
+def look_back(
+    i: int,
+    setting: CycleSetting,
+    memory: Memory,
+    piston: Piston,
+    q: float,
+    p_a: float,
+    p_b: float,
+    dt: float,
+) -> float:
+    """Take in what the crane made of the spool that is in force: the joint's speed that it ought
+    to have. Learns from what it has, and keeps what the oil seems to be squeezed by.
+    """
+    h, s, learnt, y = setting.hydraulics[i], memory.state[i], memory.learnt[i], piston.spool
+    here, lever = length_and_lever(setting.tables[i], q)
+    extends = y > 0.0
+    way = here - s.stood if s.begun > 0.0 else 0.0
+    piston_speed = opened(y, learnt) * speed_opened(
+        h, learnt, extends, piston, piston.force, p_a, p_b
+    )
+    if setting.adaptive and piston.used:
+        gain_a, gain_b = edges(h, extends)
+        flow_a, flow_b = flow_at_pressures(h, extends, gain_a, gain_b, p_a, p_b, piston.supply)
+        leaked, forth = h.leakage * (p_a - p_b) * dt, 1.0 if extends else -1.0
+        oil_a = h.area_a * (way + h.area_a * (p_a - s.p_a) / piston.stiffness_a) + leaked
+        oil_b = h.area_b * (way - h.area_b * (p_b - s.p_b) / piston.stiffness_b) + leaked
+        adapt(learnt, memory.windows[i], y, flow_a, flow_b, forth * oil_a, forth * oil_b, dt)
+    s.p_a, s.p_b = (p_a, p_b) if piston.used else (math.nan, math.nan)
+    s.stood = here
+    s.squeezed = (s.squeezed + piston_speed * dt - way) * math.exp(-dt / DAMPED)
+    return piston_speed / lever
+
+
+@njit(cache=True, error_model="numpy")
+def damping(
+    setting: CycleSetting,
+    gain: np.record,
+    h: np.record,
+    s: np.record,
+    piston: Piston,
+    force: float,
+    lever: float,
+    speed: float,
+    velocity: float,
+    p_a: float,
+    p_b: float,
+    dt: float,
+) -> float:
+    """What n has more than reference, error and load ask for [m/s]: damping, leakage."""
+    k_a, k_b = piston.stiffness_a, piston.stiffness_b
+    if not piston.used:
+        return -gain.kp_alone * s.squeezed
+    misfit = h.area_a * p_a - h.area_b * p_b - piston.force
+    if s.pressed == 0.0:
+        s.slow = misfit
+    s.slow += (misfit - s.slow) * min(dt / DAMPED, 1.0)
+    leaked = h.leakage * (p_a - p_b) * (k_a / h.area_a + k_b / h.area_b) / (k_a + k_b)
+    if setting.by_force and math.isfinite(velocity):
+        late = lever * (speed - velocity)
+        lacking = (force - piston.force - misfit) / (k_a + k_b) + FORCE_PER_SPEED * late
+        return FORCE_GAIN * lacking - late + leaked
+    return leaked - gain.kp * (misfit - s.slow) / (k_a + k_b)

@@ -1,21 +1,203 @@
-"""Criteria of (35): functions of Phi^T Phi that are small where the parameters are determined well.
-
-Condition numbers depend on which columns count and, but for the normalised one, on their units, so
-the column set is named. D- and A-optimality do not depend on units; they weigh the rows by the
-noise of their joints. In a search power means replace the largest and the smallest eigenvalue:
-where the smallest two are equal, as they are at good trajectories, the condition number has no
-gradient.
-"""
+"""Criteria of (35), and how well a trajectory determines the parameters of a model."""
 
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
+from scipy.linalg import block_diag
 
+from crane_model.base_parameters import report_from_base
+from crane_model.configuration import Positive, Schema
+from crane_model.dynamics import Geometry
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
-from crane_trajectory.excitation.columns import ColumnSet, column_map
-from crane_trajectory.excitation.merit import PredictedRecording, condition_numbers
+from crane_model.record import Record
+from crane_model.terms.rigid_body import BASE_PARAMETERS
+from crane_trajectory.motion.periodic import FourierTrajectory, MotionSamples
+
+# Named sets of regressor columns: a condition number compares only within one of them.
+
+
+class ColumnSet(StrEnum):
+    """Which columns count."""
+
+    BASE = "base"  # all columns of the model
+    REPORT = "report"  # those of (9), and of all other terms
+    INERTIAL = "inertial"  # those of the rigid bodies alone
+
+
+def column_map(model: Model, columns: ColumnSet) -> np.ndarray:
+    """(p, c): Phi times this is the regressor of the c columns of the set.
+
+    Raises `ConfigurationError` if the model has no columns of (9).
+    """
+    every = np.eye(len(model.parameters))
+    if columns is ColumnSet.BASE:
+        return every
+    if columns is ColumnSet.INERTIAL:
+        return every[:, inertial_columns(model)]
+    if not has_report_columns(model):
+        raise ConfigurationError(
+            f"model '{model.name}': the columns of (9) are those of the term planar_rigid_body, "
+            "which must be its first"
+        )
+    assert model.machine is not None  # a model of planar_rigid_body has one
+    count = len(BASE_PARAMETERS)
+    to_report = report_from_base(Geometry.of(model.machine))  # xi_(9) = T xi, so Phi T^-1
+    return block_diag(np.linalg.inv(to_report), every[count:, count:])
+
+
+def has_report_columns(model: Model) -> bool:
+    """Whether the model's first columns are those of the base set, from which (9) follows."""
+    return model.terms[0].has_base_parameters
+
+
+def inertial_columns(model: Model) -> np.ndarray:
+    """(p,) which columns of the regressor belong to rigid bodies (8), not to friction."""
+    return np.concatenate(
+        [np.full(len(term.parameters(model.setting)), term.has_inertia()) for term in model.terms]
+    )
+
+
+# How well a trajectory determines the parameters of a model: condition numbers and predictions.
+
+UNSEEN = 1e-9
+"""Share of a parameter in what recordings do not tell, below which they determine it."""
+
+
+class PredictedRecording(Schema):
+    """The recording for which standard deviations are predicted."""
+
+    periods: Annotated[int, Field(ge=1)]
+    sample_rate: Positive  # Hz
+    noise: dict[str, Positive]  # joint -> standard deviation of its generalized force [N m, N]
+
+
+def record_of(model: Model, samples: MotionSamples, direction: np.ndarray | None = None) -> Record:
+    """Samples (n, j) of a reference as the model takes them; `direction` in place of sgn(q')."""
+    return Record(
+        joints=model.joints,
+        time=np.arange(len(samples.position), dtype=float),
+        position=samples.position,
+        velocity=samples.velocity,
+        acceleration=samples.acceleration,
+        direction_known=direction,
+    )
+
+
+def condition_numbers(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Raw and column-normalised condition number of Phi from Phi^T Phi; any leading axes.
+
+    The Gram matrix squares the numbers, so they are exact to about 1e-16 times their square.
+    """
+    norm = np.sqrt(np.diagonal(gram, axis1=-2, axis2=-1))
+    scale = np.where(norm > 0.0, norm, 1.0)
+    return _root_ratio(gram), _root_ratio(gram / (scale[..., :, None] * scale[..., None, :]))
+
+
+def _root_ratio(gram: np.ndarray) -> np.ndarray:
+    eigenvalues = np.linalg.eigvalsh(gram)
+    smallest = np.maximum(eigenvalues[..., 0], np.finfo(float).eps * eigenvalues[..., -1])
+    return np.sqrt(eigenvalues[..., -1] / smallest)
+
+
+def information(
+    model: Model, regressor: np.ndarray, period: float, experiment: PredictedRecording
+) -> np.ndarray:
+    """(p, p) inverse covariance of the parameters that one recording gives, white force noise.
+
+    regressor (n, j, p) over one period; the information of several recordings adds up.
+    """
+    noise = np.array([experiment.noise[joint] for joint in model.joints])
+    weighted = (regressor / noise[:, None]).reshape(-1, regressor.shape[-1])
+    recorded = experiment.periods * period * experiment.sample_rate / len(regressor)
+    return recorded * weighted.T @ weighted
+
+
+def relative_std_devs(
+    model: Model, information: np.ndarray, plausible: dict[str, float]
+) -> dict[str, float]:
+    """Predicted standard deviation of each parameter that has a plausible value, relative to it.
+
+    Those that the recordings do not determine are left out: one trajectory of a campaign alone may
+    tell nothing of some.
+    """
+    scale = np.sqrt(np.diag(information))
+    scale[scale == 0.0] = 1.0
+    eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    seen = eigenvalues > len(scale) * np.finfo(float).eps * eigenvalues[-1]
+    std_devs = np.sqrt((vectors[:, seen] ** 2 / eigenvalues[seen]).sum(axis=1)) / scale
+    determined = (vectors[:, ~seen] ** 2).sum(axis=1) < UNSEEN
+    return {
+        parameter.name: float(std_dev / abs(plausible[parameter.name]))
+        for parameter, std_dev, known in zip(model.parameters, std_devs, determined, strict=True)
+        if known and parameter.name in plausible
+    }
+
+
+def _motion(model: Model, trajectory: FourierTrajectory, samples: int) -> MotionSamples:
+    """One period of a trajectory, with the columns of the model's joints."""
+    if missing := [joint for joint in model.joints if joint not in trajectory.joint_names]:
+        raise ConfigurationError(
+            f"trajectory '{trajectory.name}': does not move {', '.join(missing)}, a joint of the "
+            f"model '{model.name}'; it moves {', '.join(trajectory.joint_names)}"
+        )
+    motion = trajectory.evaluate(np.arange(samples) * trajectory.period / samples)
+    columns = [trajectory.joint_names.index(joint) for joint in model.joints]
+    return MotionSamples(*(np.ascontiguousarray(one[:, columns]) for one in motion))
+
+
+def one_period(model: Model, trajectory: FourierTrajectory, samples: int) -> np.ndarray:
+    """The regressor (samples, j, p) over one period of a trajectory of the model's joints."""
+    return model.regressor(record_of(model, _motion(model, trajectory, samples)))
+
+
+def figures_of_merit(
+    model: Model,
+    trajectory: FourierTrajectory,
+    samples: int,
+    experiment: PredictedRecording,
+    plausible: dict[str, float],
+) -> dict[str, float]:
+    """Condition numbers of the model's columns and of those of (9), peak accelerations, predicted
+    relative std devs.
+
+    The trajectory moves the model's joints; `samples` are taken of one period. Figures of (9) are
+    left out for a model that does not have its columns.
+    """
+    regressor = one_period(model, trajectory, samples)
+    stacked = regressor.reshape(-1, len(model.parameters))
+    gram = stacked.T @ stacked
+    merit = _conditions("condition_number", gram, inertial_columns(model))
+    if has_report_columns(model):
+        change = column_map(model, ColumnSet.REPORT)
+        reported = change.T @ gram @ change
+        merit |= _conditions("condition_number_report", reported, inertial_columns(model))
+    motion = _motion(model, trajectory, samples)
+    peaks = np.abs(motion.acceleration).max(axis=0).tolist()
+    merit |= {f"peak_acceleration.{j}": peak for j, peak in zip(model.joints, peaks, strict=True)}
+    told = information(model, regressor, trajectory.period, experiment)
+    predicted = relative_std_devs(model, told, plausible)
+    return merit | {f"relative_std_dev.{name}": value for name, value in predicted.items()}
+
+
+def _conditions(name: str, gram: np.ndarray, inertial: np.ndarray) -> dict[str, float]:
+    raw, normalised = condition_numbers(gram)
+    merit = {name: float(raw), f"{name}_normalised": float(normalised)}
+    if inertial.any():
+        only = gram[np.ix_(inertial, inertial)]
+        merit[f"{name}_inertial"] = float(condition_numbers(only)[0])
+    return merit
+
+
+# Criteria of (35): functions of Phi^T Phi that are small where the parameters are determined well.
+#
+# Condition numbers depend on which columns count and, but for the normalised one, on their units,
+# so the column set is named. D- and A-optimality do not depend on units; they weigh the rows by the
+# noise of their joints. In a search power means replace the largest and the smallest eigenvalue:
+# where the smallest two are equal, as they are at good trajectories, the condition number has no
+# gradient.
 
 POWER = 8.0  # of the power means over eigenvalues of Phi^T Phi
 

@@ -7,9 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from crane_model.machine import Machine
-from crane_trajectory.motion.check import Clearance, pump_flow
+from crane_trajectory.motion.check import Clearance, TipRoom, pump_flow
 from crane_trajectory.motion.periodic import PeriodicTrajectory
-from crane_trajectory.motion.room import TipRoom
 
 POINTS = 1000
 LINE, LIMIT = "#1f4e79", "#c0392b"

@@ -11,11 +11,9 @@ import numpy as np
 from crane_model.configuration import validate
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine
-from crane_trajectory.excitation.limits import poses_per_joint
-from crane_trajectory.excitation.settings import Margins
-from crane_trajectory.motion.check import Clearance, trajectory_violations
-from crane_trajectory.motion.room import TipRoom
-from crane_trajectory.motion.sweep import SweepTrajectory
+from crane_trajectory.excitation.limits import Margins, poses_per_joint
+from crane_trajectory.motion.check import Clearance, TipRoom, trajectory_violations
+from crane_trajectory.motion.periodic import SweepTrajectory
 
 POSES, MOST_POSES = 5, 625  # per joint and in all, among which that of rest is chosen
 FINE = 200  # positions of a sweep at which the room of the tip is looked at

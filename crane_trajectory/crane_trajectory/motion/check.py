@@ -1,4 +1,4 @@
-"""Whole-trajectory check: Table 2, cylinder stroke, pump flow, and room for the boom tip."""
+"""Whole-trajectory check: Table 2, cylinder stroke, pump flow, and clearance of the boom tip."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,10 +11,111 @@ import numpy as np
 from crane_model.configuration import NonNegative, Schema, load
 from crane_model.cylinders import lever_arm
 from crane_model.errors import RangeError
+from crane_model.kinematics import tip_jacobian, tip_position
 from crane_model.machine import Machine
-from crane_trajectory.motion.extremes import maxima
 from crane_trajectory.motion.periodic import PeriodicTrajectory
-from crane_trajectory.motion.room import TipRoom
+
+# Extremes of sampled functions of time, refined between the samples.
+
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+STEPS = 30  # shrink a bracket by 5e-7, so a smooth maximum by the square of that
+
+
+def maxima(
+    function: Callable[[np.ndarray], np.ndarray], grid: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Largest value of each column of `function` over the span of `grid`, and where.
+
+    `function` takes times (m,) and returns (m, k). Every local maximum of the samples is refined
+    by golden-section search between its neighbours, so the grid need only be fine enough to
+    separate the maxima. Returns times (k,) and values (k,).
+    """
+    samples = function(grid)
+    wall = np.full((1, samples.shape[1]), -np.inf)
+    rises = samples > np.vstack([wall, samples[:-1]])
+    falls = samples >= np.vstack([samples[1:], wall])
+    row, column = np.nonzero(rises & falls)
+    pick = np.arange(len(row))
+    left = grid[np.maximum(row - 1, 0)]
+    right = grid[np.minimum(row + 1, len(grid) - 1)]
+    for _ in range(STEPS):
+        width = GOLDEN * (right - left)
+        inner_left, inner_right = right - width, left + width
+        both = function(np.concatenate([inner_left, inner_right]))
+        at_left, at_right = both.reshape(2, len(row), -1)[:, pick, column]
+        higher_right = at_right > at_left
+        left = np.where(higher_right, inner_left, left)
+        right = np.where(higher_right, right, inner_right)
+    middle = (left + right) / 2
+    refined = function(middle)[pick, column]
+    on_grid = samples[row, column] >= refined  # a maximum at either end of the span
+    time = np.where(on_grid, grid[row], middle)
+    value = np.where(on_grid, samples[row, column], refined)
+    order = np.lexsort((value, column))  # the largest of each column comes last
+    last = np.flatnonzero(np.diff(column[order], append=samples.shape[1]))
+    return time[order][last], value[order][last]
+
+
+# Room of the tip: its distance from the pillar, and its height above the ground.
+
+SMALL = 1e-9  # m, or sine of an angle
+DECIMALS = 12  # of directions, so that axes of the base's frame are exact
+
+
+class TipRoom:
+    """Where the tip of a machine is, seen from the pillar.
+
+    The pillar is the axis of the first joint if that turns about the vertical, which then changes
+    nothing; else the vertical through the base. Ahead is where the tip is with all joints in the
+    middle of their ranges. The ground is the plane through the base.
+    """
+
+    def __init__(self, machine: Machine):
+        self._machine = machine
+        up = -machine.gravity_vector / machine.gravity
+        first, frame = machine.joints[0], machine.base.matrix
+        placed = frame @ first.before
+        slewing = first.kind == "revolute" and (
+            np.linalg.norm(np.cross(placed[:3, :3] @ first.direction, up)) < SMALL
+        )
+        self.joints = machine.joint_names[1:] if slewing else machine.joint_names
+        """Those that move the tip with respect to the pillar."""
+        self._foot = (placed if slewing else frame)[:3, 3]
+        ranges = [machine.limits[joint] for joint in self.joints]
+        middle = np.array([[(one.position_min + one.position_max) / 2 for one in ranges]])
+        way = tip_position(machine, self._all_joints(self.joints, middle))[0] - self._foot
+        way -= (way @ up) * up
+        if np.linalg.norm(way) < SMALL:  # upright: ahead is where the base's frame says
+            way = frame[:3, 0] - (frame[:3, 0] @ up) * up
+        self._directions = np.round([way / np.linalg.norm(way), up], DECIMALS)
+
+    def at(self, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
+        """(n, j) positions of `joints` to (n, 2): distance, positive ahead, and height [m]."""
+        tip = tip_position(self._machine, self._all_joints(joints, position))
+        return np.stack([(tip - self._foot) @ self._directions[0], tip @ self._directions[1]], 1)
+
+    def slopes(self, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
+        """(n, 2, j): derivatives of both with respect to the positions (n, j) of `joints`."""
+        jacobian = self._directions @ tip_jacobian(
+            self._machine, self._all_joints(joints, position)
+        )
+        slopes: np.ndarray = jacobian[:, :, [self._machine.index(joint) for joint in joints]]
+        slopes[:, :, [joint not in self.joints for joint in joints]] = 0.0
+        return slopes
+
+    def _all_joints(self, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
+        q = np.zeros((len(position), len(self._machine.joint_names)))
+        for joint in self.joints:
+            q[:, self._machine.index(joint)] = position[:, joints.index(joint)]
+        return q
+
+
+def tip_room(machine: Machine, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
+    """`TipRoom.at` of a machine, for once."""
+    return TipRoom(machine).at(joints, position)
+
+
+# Whole-trajectory check: Table 2, cylinder stroke, pump flow, and room for the boom tip.
 
 GRID_PER_PERIOD = 40  # samples per period of the highest harmonic; extremes are refined from these
 TOLERANCE = 1e-9  # of a limit, for a reference that runs exactly along it

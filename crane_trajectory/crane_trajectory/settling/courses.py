@@ -1,6 +1,4 @@
-"""Random courses of straight legs: sweeps of one joint at many speeds, both ways, up to the ends of
-its range and from many poses, with dwells. The finest of them are drawn again, a little different.
-"""
+"""Random candidate motions: courses of straight legs and Fourier series (32) within the limits."""
 
 from dataclasses import dataclass
 
@@ -8,13 +6,55 @@ import numpy as np
 
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
-from crane_trajectory.excitation.settings import Margins
-from crane_trajectory.motion.check import Clearance, trajectory_violations
-from crane_trajectory.motion.room import TipRoom
-from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
+from crane_trajectory.excitation.limits import Margins
+from crane_trajectory.excitation.search import DECIMALS, ExcitationProblem
+from crane_trajectory.motion.check import Clearance, TipRoom, trajectory_violations
+from crane_trajectory.motion.periodic import FourierTrajectory, JointCourse, SweepTrajectory
+
+# Random Fourier series (32) within the limits, and others near one of them.
+
+SHARES = (1.0, 0.97, 0.9, 0.8)  # of a series, tried in turn until it is within the limits
+VARIATION = 0.25  # of a series, rms over that of its waves
+
+
+@dataclass(frozen=True)
+class FourierDraws:
+    """Of the period and harmonics of a problem."""
+
+    problem: ExcitationProblem
+
+    def draw(self, rng: np.random.Generator) -> FourierTrajectory | None:
+        """One that is within the limits; None if the one that was drawn is not."""
+        return self._checked(self.problem.random_point(rng))
+
+    def varied(
+        self, trajectory: FourierTrajectory, rng: np.random.Generator
+    ) -> FourierTrajectory | None:
+        """Another one near it; None if that is not within the limits."""
+        point = trajectory.coefficients
+        size = np.sqrt((point[1:] ** 2).mean(axis=0))
+        wave = np.concatenate([[1.0], *[1.0 / np.arange(1, self.problem.harmonics + 1)] * 2])
+        change = VARIATION * size * wave[:, None] * rng.standard_normal(point.shape)
+        return self._checked(self.problem.start_limits.mend((point + change).ravel()))
+
+    def _checked(self, point: np.ndarray) -> FourierTrajectory | None:
+        problem = self.problem
+        for share in SHARES:
+            drawn = np.round(self.problem.start_limits.drawn_home(point, share), DECIMALS)
+            trajectory = FourierTrajectory.from_coefficients(
+                "settling", problem.period, problem.model.joints, drawn.reshape(problem.shape)
+            )
+            if not problem.check(trajectory):
+                return trajectory
+        return None
+
+
+# Random courses of straight legs: sweeps of one joint at many speeds, both ways, up to the ends of
+# its range and from many poses, with dwells. The finest of them are drawn again, a little
+# different.
 
 CORNER = 0.5  # s
-DECIMALS = 6
+PLACES = 6
 SPEEDS = (0.03, 0.95)  # of the limit, drawn evenly in ratios
 ALONE, AT_AN_END, DWELLS = 0.6, 0.4, 0.3  # how often one joint moves alone, to an end, and dwells
 DWELL = (0.5, 3.0)  # s
@@ -85,8 +125,8 @@ class CourseDraws:
 
     def _checked(self, poses: np.ndarray, legs: np.ndarray) -> SweepTrajectory | None:
         for slower in SLOWER:
-            times = np.round(np.concatenate([[0.0], np.cumsum(slower * legs)]), DECIMALS).tolist()
-            courses = zip(self.joints, np.round(poses, DECIMALS).T.tolist(), strict=True)
+            times = np.round(np.concatenate([[0.0], np.cumsum(slower * legs)]), PLACES).tolist()
+            courses = zip(self.joints, np.round(poses, PLACES).T.tolist(), strict=True)
             if times[-1] > LARGEST_FACTOR * self.period:
                 return None
             trajectory = SweepTrajectory(

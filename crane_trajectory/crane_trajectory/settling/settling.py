@@ -1,20 +1,35 @@
-"""The motion that settles best what a diagnosis left open, and what no motion settles."""
+"""The motion that discriminates best what a diagnosis left open: `design --settle`."""
 
+import argparse
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from crane_model.errors import CraneError, RangeError
-from crane_model.model_file import Model
-from crane_model.open_question import OpenQuestion, OpenQuestions
-from crane_trajectory.motion.fourier import FourierTrajectory
-from crane_trajectory.motion.sweep import SweepTrajectory
-from crane_trajectory.settling.courses import CourseDraws
-from crane_trajectory.settling.prediction import Hypothesis, PlannedRecording
-from crane_trajectory.settling.separation import PlannedExperiment
-from crane_trajectory.settling.series import FourierDraws
+from crane_model.configuration import save
+from crane_model.errors import ConfigurationError, CraneError, RangeError
+from crane_model.machine_files import Number, ResultFile, ResultPart, machine_file
+from crane_model.model_file import Model, load_model
+from crane_model.open_question import (
+    OpenMember,
+    OpenQuestion,
+    OpenQuestions,
+    QuestionKind,
+    read_open,
+)
+from crane_model.progress_bar import progress_bar
+from crane_model.terms import load_terms
+from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
+from crane_trajectory.excitation.limits import DesignSettings, load_design_settings
+from crane_trajectory.excitation.picture import draw
+from crane_trajectory.excitation.search import ExcitationProblem, machine_of
+from crane_trajectory.motion.check import Clearance, load_clearance
+from crane_trajectory.motion.periodic import FourierTrajectory, SweepTrajectory
+from crane_trajectory.settling.courses import CourseDraws, FourierDraws
+from crane_trajectory.settling.prediction import Hypothesis, PlannedExperiment, PlannedRecording
+
+# The motion that settles best what a diagnosis left open, and what no motion settles.
 
 DRAWS = 4  # of each family of motions, for each start
 SURVIVORS = 4  # that are varied
@@ -190,3 +205,248 @@ def model_of(model: Model, question: OpenQuestion) -> Model:
         values=model.theta[places],
         std_devs=None if model.std_devs is None else model.std_devs[places],
     )
+
+
+# What a designed motion promises: each pair of answers, before and after, and what else helps.
+
+BACK_PRESSURE = 2e6  # Pa: what a throttle in the line to the tank may raise its pressure by
+
+
+class HelpfulAction(ResultPart):
+    """Something to do in a second recording of the motion."""
+
+    action: str
+    """In words."""
+    separation: Number
+    """By both recordings [σ]."""
+
+
+class PredictedSeparation(ResultPart):
+    """Two answers to a question, as the designed motion will tell them apart."""
+
+    kind: QuestionKind
+    """Of the question."""
+    one: str
+    """Effect and joint."""
+    other: str
+    """The same; empty where it is that nothing is there."""
+    told: Number
+    """By the recordings of the diagnosis; null where they were not compared [σ]."""
+    predicted: Number
+    """By the motion [σ]."""
+    needed: Number
+    """To rule one of them out [σ]."""
+    actions: list[HelpfulAction]
+    """Where the motion does not suffice, what does with it, best first."""
+    settled_by: str
+    """Where neither does, the experiment that would."""
+
+
+class SettlingPlan(ResultFile):
+    """What `design --settle` foretells of its trajectory."""
+
+    trajectory: str
+    """Its file."""
+    periods: int
+    """To record [-]."""
+    duration: Number
+    """Of these periods [s]."""
+    separations: list[PredictedSeparation]
+    """Of every pair of answers."""
+
+
+def plan_of(
+    settling: Settling, open_: OpenQuestions, best: PlannedRecording, file: str, load: float
+) -> SettlingPlan:
+    """What a recording promises; `load` [kg] is a known mass that there is to hang at the tip."""
+    return SettlingPlan(
+        trajectory=file,
+        periods=best.periods,
+        duration=best.duration,
+        separations=[_predicted(settling, open_, pair, best, load) for pair in settling.pairs],
+    )
+
+
+def _predicted(
+    settling: Settling, open_: OpenQuestions, pair: OpenPair, best: PlannedRecording, load: float
+) -> PredictedSeparation:
+    question = open_.questions[pair.question]
+    one, other = pair.names
+    first, second = question.members[one], None if other is None else question.members[other]
+    experiment = settling.machinery.experiment(pair.question, [best])
+    settled = pair.clearness(experiment) >= 1.0
+    return PredictedSeparation(
+        kind=question.kind,
+        one=_told(first),
+        other="" if second is None else _told(second),
+        told=second.separation if second is not None and one == 0 else None,
+        predicted=pair.separation(experiment),
+        needed=pair.asked(experiment),
+        actions=[] if settled else _actions(settling, pair, best, load),
+        settled_by="" if settled else first.settled_by,
+    )
+
+
+def _actions(
+    settling: Settling, pair: OpenPair, best: PlannedRecording, load: float
+) -> list[HelpfulAction]:
+    """Those by which a second recording settles what it does not settle without."""
+    out = []
+    for words, second in (
+        (f"hang a known weight of {load:g} kg", replace(best, load=load)),
+        (
+            f"raise the back-pressure by {BACK_PRESSURE / 1e5:g} bar",
+            replace(best, back_pressure=BACK_PRESSURE),
+        ),
+    ):
+        try:
+            experiment = settling.machinery.experiment(pair.question, [best, second])
+            if pair.clearness(experiment) >= 1.0:
+                out.append(HelpfulAction(action=words, separation=pair.separation(experiment)))
+        except CraneError:
+            continue  # no planar crane, or no cylinders
+    return sorted(out, key=lambda one: -(one.separation or 0.0))
+
+
+def _told(member: OpenMember) -> str:
+    return f"{member.name} ({member.joint})"
+
+
+def lines(plan: SettlingPlan) -> list[str]:
+    """The plan as a table, and what to do where the motion does not suffice."""
+    rows = [("answers", "told so far", "predicted", "needed")]
+    for one in plan.separations:
+        names = f"{one.one} | {one.other}" if one.other else f"{one.one} | nothing"
+        rows.append((names, _sigma(one.told), _sigma(one.predicted), _sigma(one.needed)))
+    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
+    out = [
+        "  ".join([name.ljust(first), *map(str.rjust, numbers, others)]).rstrip()
+        for name, *numbers in rows
+    ]
+    for one in plan.separations:
+        if not one.settled_by:
+            continue
+        pair = f"{one.one} | {one.other or 'nothing'}"
+        said = [
+            f"{act.action} in a second recording: {_sigma(act.separation)}" for act in one.actions
+        ]
+        if not said:
+            said = [one.settled_by]
+        out.append(f"motion alone does not settle {pair}: {'; or '.join(said)}")
+    return out
+
+
+def beyond(asked: Settling, foretold: Settling, open_: OpenQuestions) -> list[str]:
+    """What no recording can be foretold of, and the experiment that settles it."""
+    out = []
+    for pair in asked.pairs:
+        if any(pair is one for one in foretold.pairs):
+            continue
+        members = open_.questions[pair.question].members
+        one, other = pair.names
+        names = f"{_told(members[one])} | {'nothing' if other is None else _told(members[other])}"
+        out.append(f"no motion is sought for {names}: {members[one].settled_by}")
+    return out
+
+
+def _sigma(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g} σ"
+
+
+def open_lines(open_: OpenQuestions) -> Sequence[str]:
+    """What is asked."""
+    words = {
+        QuestionKind.CLASS: "class",
+        QuestionKind.NEAREST: "nearest of the catalogue",
+        QuestionKind.UNDETERMINED: "undetermined",
+    }
+    return [
+        f"{words[one.kind]}: {', '.join(_told(member) for member in one.members)}"
+        for one in open_.questions
+    ]
+
+
+# `design --settle`: from the folder of a diagnosis to the motion that settles what it left.
+
+PERIODS = 3  # of a recording: what repeats tells its noise
+HARMONICS = (3, 6)  # of Fourier series
+QUICKER = (1.0, 0.4)  # periods of these, over that of a course
+
+
+def settle(arguments: argparse.Namespace, provenance: str) -> None:
+    """Print and write the motion; raises `CraneError` with what is wrong."""
+    folder, name = arguments.settle, arguments.machine
+    if arguments.terms:
+        load_terms(arguments.terms)
+    open_ = read_open(folder / "findings.json")
+    if not open_.questions:
+        print("nothing is open that a motion could settle")
+        return
+    model = load_model(folder / "model.yaml").of_machine()
+    settings = load_design_settings(machine_file("design.yaml", name, arguments.settings))
+    clearance = load_clearance(machine_file("clearance.yaml", name, arguments.clearance))
+    print("\n".join(open_lines(open_)))
+    asked = _settling(model, open_, settings, clearance, arguments.duration, arguments.starts)
+    settling = asked.foretellable(arguments.seed)
+    print("\n".join(beyond(asked, settling, open_)))
+    if not settling.pairs:
+        return
+    with progress_bar("design", settling.steps) as bar:
+        best = settling.recording(settling.search(arguments.seed, bar.update))
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    file, picture = arguments.out, arguments.out.with_suffix(".png")
+    told = plan_of(settling, open_, best, file.name, arguments.load)
+    save(
+        file,
+        best.trajectory.model_copy(update={"name": file.stem, "provenance": provenance}),
+    )
+    told.write(file.with_suffix(".json"))
+    draw(picture, machine_of(model), best.trajectory, clearance)
+    print("\n".join(lines(told)))
+    print(f"{best.periods} periods, {best.duration:.0f} s:")
+    print(
+        f"  ros2 run crane_trajectory run_excitation --periods {best.periods} --enable "
+        f"--trajectory {file}"
+    )
+    print(f"written: {file}, {file.with_suffix('.json')}, {picture}")
+
+
+def _settling(
+    model: Model,
+    open_: OpenQuestions,
+    settings: DesignSettings,
+    clearance: Clearance,
+    duration: float,
+    starts: int,
+) -> Settling:
+    noise = np.array([open_.noise.get(joint) or np.inf for joint in model.joints])
+    if not np.isfinite(noise).any() or not open_.row_rate:
+        raise ConfigurationError(
+            "findings.json: key 'open.noise': of no joint; diagnose with recordings that move it"
+        )
+    models = tuple(model_of(model, question) for question in open_.questions)
+    asked = {member.joint for one in open_.questions for member in one.members}
+    joints = tuple(joint for joint in model.joints if joint in asked or "all" in asked)
+    courses = CourseDraws(
+        machine_of(model), model.joints, joints, clearance, settings.margins, duration / PERIODS
+    )
+    unasked = Criterion.of(
+        model, CriterionKind.RAW, ColumnSet.BASE, settings.experiment, settings.plausible
+    )
+    families: list[Family] = [courses]
+    for harmonics, quicker in zip(HARMONICS, QUICKER, strict=True):
+        families.append(
+            FourierDraws(
+                ExcitationProblem(
+                    model,
+                    unasked,
+                    round(quicker * duration / PERIODS, 2),
+                    harmonics,
+                    settings.search,
+                    settings.margins,
+                    clearance,
+                )
+            )
+        )
+    machinery = Machinery(models, noise, open_.row_rate)
+    return Settling(machinery, tuple(pairs_of(open_)), tuple(families), duration, starts)

@@ -18,7 +18,7 @@ from crane_bags.reader import TopicData, contradiction, in_order
 from crane_bags.storage import BLOCK, blocks, connections, messages, open_bag
 from crane_bags.types import typestore
 from crane_model.errors import DataError
-from crane_model.progress import Progress
+from crane_model.progress_bar import Progress
 
 NAMES = "name"
 """Field whose texts name the places of the arrays beside it, as in sensor_msgs/JointState."""

@@ -16,7 +16,7 @@ from crane_bags.decoding import Table, cells, concatenate, decode
 from crane_bags.storage import StoredBag, announced, blocks, connections, open_bag
 from crane_bags.types import CAN_FRAMES, Topic, typestore
 from crane_model.errors import DataError
-from crane_model.progress import Progress
+from crane_model.progress_bar import Progress
 
 LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock may not step
 FEWEST_STAMPS = 20  # messages with one stamp, from which on stamps are not times

@@ -121,7 +121,7 @@ def through(waiting: Sequence[Batch], cluster: str | None) -> None:
         # only here: Dask is an extra
         from distributed import as_completed
 
-        from crane_identification.scale.client import connected
+        from crane_identification.scale.cluster import connected
 
         with connected(cluster) as client:
             futures = client.map(run_batch, waiting, pure=False)

@@ -14,9 +14,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from crane_benchmark.answers.answer_cases import refused
-from crane_benchmark.answers.answer_file import CaseAnswer
-from crane_benchmark.answers.given import given
+from crane_benchmark.answers.answer_cases import CaseAnswer, given, refused
 from crane_benchmark.cases.case import Case, CaseKind
 from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.folders import ANSWER, Folders, done, new, read_json
@@ -27,7 +25,7 @@ from crane_benchmark.scores.judgement import (
     Place,
     without_lengths,
 )
-from crane_benchmark.scores.rates import Rate, rate
+from crane_benchmark.scores.summary import Rate, rate
 from crane_benchmark.work import in_processes
 from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.diagnosis.findings import answer
@@ -36,7 +34,7 @@ from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 from crane_model.cli import command_line
 from crane_model.errors import CraneError
-from crane_model.result_file import ResultFile, ResultPart
+from crane_model.machine_files import ResultFile, ResultPart
 from crane_model.terms import REGISTRY
 
 

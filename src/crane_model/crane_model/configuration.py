@@ -1,6 +1,9 @@
-"""YAML files: read into validated, immutable objects; every error names file, key and value."""
+"""YAML files: read within limits into validated, immutable objects; errors name file and key."""
 
-from collections.abc import Callable, Iterator, Sequence
+import ast
+import math
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -9,7 +12,9 @@ from typing import Annotated, Any, Self, TypeVar, get_args
 import yaml
 from annotated_types import Ge, Le
 from pydantic import (
+    AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     ModelWrapValidatorHandler,
@@ -22,10 +27,208 @@ from pydantic_core import (
     PydanticCustomError,
 )
 from pydantic_core.core_schema import ErrorType
+from yaml.composer import ComposerError
+from yaml.constructor import ConstructorError
 
 from crane_model.errors import ConfigurationError
-from crane_model.wording import UNKNOWN_KEY, wording
-from crane_model.yaml_text import WrongYamlError, YamlText
+
+# What the suite says of a value that a schema does not accept.
+
+LONGEST = 80  # characters of a value that is shown
+MAPPING, NUMBER = "must be a mapping of keys to values", "must be a number"
+WHOLE, LIST = "must be a whole number", "must be a list"
+UNKNOWN_KEY = "unknown_key"  # beside those of pydantic
+WORDING = {
+    "missing": "is required, but absent",
+    UNKNOWN_KEY: "no such key; there are {known}",
+    "invalid_key": "no such key; check its spelling",
+    "none_required": "must be left out",
+    "greater_than": "must be greater than {gt}",
+    "greater_than_equal": "must be at least {ge}",
+    "less_than": "must be less than {lt}",
+    "less_than_equal": "must be at most {le}",
+    "multiple_of": "must be a multiple of {multiple_of}",
+    "finite_number": "must be a finite number",
+    "float_type": NUMBER,
+    "float_parsing": NUMBER,
+    "int_type": WHOLE,
+    "int_parsing": WHOLE,
+    "int_parsing_size": f"{WHOLE} of fewer digits",
+    "int_from_float": WHOLE,
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "string_type": "must be text",
+    "string_too_short": "must have at least {min_length} characters",
+    "string_too_long": "must have at most {max_length} characters",
+    "string_pattern_mismatch": "must match the pattern {pattern}",
+    "enum": "must be {expected}",
+    "literal_error": "must be {expected}",
+    "too_short": "must have at least {min_length} entries",
+    "too_long": "must have at most {max_length} entries",
+    "list_type": LIST,
+    "tuple_type": LIST,
+    "set_type": LIST,
+    "frozen_set_type": LIST,
+    "dict_type": MAPPING,
+    "mapping_type": MAPPING,
+    "model_type": MAPPING,
+    "model_attributes_type": MAPPING,
+    "union_tag_not_found": "lacks the key {discriminator}",
+    "union_tag_invalid": "{discriminator} must be one of {expected_tags}",
+    "value_error": "{error}",
+}
+OTHERWISE = "is not of the kind that belongs here"
+
+
+def wording(kind: str, context: Mapping[str, Any], value: Any) -> str:
+    """What is wrong with a `value`, and the value where that does not say it.
+
+    `kind` is pydantic's type of the error, `context` what it tells of it.
+    """
+    said = WORDING.get(kind, OTHERWISE).format(**context)
+    return said + ("" if kind in {"missing", "value_error"} else shown(value))
+
+
+def shown(value: Any) -> str:
+    """A value in brackets, shortened if it is long."""
+    text = repr(value)
+    return f" (got {text if len(text) <= LONGEST else text[: LONGEST - 3] + '...'})"
+
+
+# YAML text to plain content, within limits: a small text that grows without end is refused.
+
+DEEPEST = 40  # mappings and lists within each other
+MOST = 200_000  # values, those behind an alias counted wherever it stands
+LONGEST_NUMBER = 100  # characters of a number or a date: the arithmetic of long ones takes hours
+
+
+class WrongYamlError(Exception):
+    """What is wrong with the text, with line and key where it has them."""
+
+
+class YamlText:
+    """Parsed YAML: its plain `content`, and the line on which each part of it stands.
+
+    Raises `WrongYamlError` if the text is not YAML, a value is not what its tag says, a key stands
+    twice in one mapping, or a limit is passed.
+    """
+
+    def __init__(self, text: str):
+        self._root: yaml.Node | None = None
+        self._parts: dict[yaml.Node | None, dict[str, yaml.Node]] = {}
+        try:
+            loader = _Loader(text)
+            self._root = loader.get_single_node()
+            self.content: Any = None
+            if self._root is not None:
+                _count(self._root, {})
+                self.content = loader.construct_document(self._root)
+        except yaml.MarkedYAMLError as error:
+            raise WrongYamlError(self._told(error)) from None
+        except yaml.YAMLError as error:  # of a single character
+            raise WrongYamlError(f"not valid YAML: {' '.join(str(error).split())}") from None
+
+    def line(self, place: Sequence[int | str]) -> int:
+        """Line, from 1, of what stands at `place` (keys and indices), or of what would hold it."""
+        node = self._root
+        for part in place:
+            if node not in self._parts:
+                self._parts[node] = dict(_parts(node))
+            inner = self._parts[node].get(str(part))
+            if inner is None:
+                break
+            node = inner
+        return 1 if node is None else node.start_mark.line + 1
+
+    def _told(self, error: yaml.MarkedYAMLError) -> str:
+        mark = error.problem_mark or error.context_mark
+        if error.context == "while scanning a simple key":  # it is found out on the next line
+            mark = error.context_mark
+        assert mark is not None  # that is what PyYAML means by marked
+        key = ".".join(_way(self._root, mark.index)) if self._root else ""
+        place = f"line {mark.line + 1}: " + (f"key '{key}': " if key else "")
+        if isinstance(error, _RefusedError):
+            return f"{place}{error.problem}"
+        what = "; ".join(one for one in (error.context, error.problem) if one)
+        return f"{place}not valid YAML: {what}"
+
+
+class _RefusedError(ConstructorError):
+    """What is YAML, but not ours."""
+
+    def __init__(self, problem: str, node: yaml.Node):
+        super().__init__(None, None, problem, node.start_mark)
+
+
+class _Loader(yaml.SafeLoader):
+    _depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        self._depth += 1
+        if self._depth > DEEPEST:
+            problem = f"nested deeper than {DEEPEST} levels; write it flatter"
+            event = self.peek_event()  # type: ignore[no-untyped-call]
+            raise ComposerError(None, None, problem, event.start_mark)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        kind = node.tag.rpartition(":")[2]
+        try:
+            if kind in {"int", "float", "timestamp"} and len(node.value) > LONGEST_NUMBER:
+                raise ValueError
+            return super().construct_object(node, deep)
+        except yaml.YAMLError:
+            raise
+        except Exception:  # whatever Python says of a month 13 or a number without digits
+            raise _RefusedError(f"no valid {kind}{shown(node.value)}", node) from None
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            if key.value in seen:
+                raise _RefusedError(f"the key '{key.value}' stands twice in one mapping", key)
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+def _parts(node: yaml.Node | None) -> Iterator[tuple[str, yaml.Node]]:
+    """Key or index, and node, of all that stands right within a node."""
+    if isinstance(node, yaml.MappingNode):
+        yield from ((str(key.value), value) for key, value in node.value)
+    elif isinstance(node, yaml.SequenceNode):
+        yield from ((str(i), value) for i, value in enumerate(node.value))
+
+
+def _way(node: yaml.Node, index: int) -> Iterator[str]:
+    """Keys and indices down to the character `index` of the text."""
+    for key, inner in _parts(node):
+        begin, end = inner.start_mark.index, inner.end_mark.index
+        if node.start_mark.index < begin <= index <= end:  # an alias stands elsewhere
+            yield key
+            yield from _way(inner, index)
+            return
+
+
+def _count(node: yaml.Node, counted: dict[int, int]) -> int:
+    """Values in a node, aliases followed; `counted` holds those of the nodes that were met."""
+    if id(node) not in counted:
+        counted[id(node)] = MOST + 1  # until it is known: of a node that holds itself
+        total = 1
+        for _, inner in _parts(node):
+            total += _count(inner, counted)
+            if total > MOST:
+                raise _RefusedError(
+                    f"holds more than {MOST} values, those of aliases counted wherever they stand; "
+                    "write fewer",
+                    node,
+                )
+        counted[id(node)] = total
+    return counted[id(node)]
+
+
+# YAML files: read into validated, immutable objects; every error names file, key and value.
 
 BUILT_IN = frozenset(get_args(ErrorType))  # kinds of pydantic's own errors
 LARGEST_FILE = 1_000_000  # bytes, a thousand times what the files of the suite have
@@ -191,3 +394,52 @@ def _validate(
         told = wording(problem["type"], problem.get("ctx", {}), problem["input"])
         lines.append(f"{place_of(parts)}: key '{key}': {told}")
     raise ConfigurationError("\n".join(lines))
+
+
+# Angles in files: numbers in rad, or sums and products with pi, as `pi/2 - 0.1192`.
+
+WIDEST = 4.0 * math.pi  # rad, of a direction: two turns
+_OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+}
+
+
+def _read(given: Any) -> Any:
+    if not isinstance(given, str):
+        return given
+    try:
+        return _value(ast.parse(given.strip(), mode="eval").body)
+    except (SyntaxError, ValueError, ZeroDivisionError, OverflowError, RecursionError):
+        raise ValueError(
+            f"must be an angle in rad, a number or like pi/2 - 0.1, got {given!r}"
+        ) from None
+
+
+def _value(node: ast.expr) -> float:
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return float(number)
+        case ast.Name(id="pi"):
+            return math.pi
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_value(operand)
+        case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _OPERATIONS:
+            return _OPERATIONS[type(sign)](_value(left), _value(right))
+    raise ValueError
+
+
+def _within(angle: float) -> float:
+    if abs(angle) > WIDEST:
+        raise ValueError(
+            f"must be an angle in rad, within {WIDEST:.3g} either way, got {angle:g}; is it in "
+            "degrees?"
+        )
+    return angle
+
+
+Angle = Annotated[float, BeforeValidator(_read)]
+Direction = Annotated[Angle, AfterValidator(_within)]
+"""An angle of the geometry, which is no joint's coordinate."""

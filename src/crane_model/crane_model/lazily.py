@@ -10,7 +10,7 @@ def lazily(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """`__getattr__`, `__dir__` (PEP 562) and `__all__` of a package, of the names in its modules.
 
-    So `import crane_nodes.command_line` does not need ROS because another name of crane_nodes does.
+    So `import crane_nodes.managed` does not need ROS because another name of crane_nodes does.
     """
     origins = {name: f"{package}.{module}" for module, names in modules.items() for name in names}
 

@@ -2,10 +2,20 @@
 
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from tqdm import tqdm
+
+# How long computations tell their caller where they are, without printing.
+
+Progress = Callable[[str, float], None]
+"""Called with the name of the phase and the share of it that is done, 0 to 1."""
+
+
+def silent(phase: str, done: float) -> None:
+    """Tell nobody."""
+
 
 PATIENCE = 2.0  # s before a bar appears
 BETWEEN_LINES = 10.0  # s

@@ -10,8 +10,7 @@ import numpy as np
 
 from crane_model.array import Array
 from crane_model.errors import RangeError
-from crane_model.hydraulics.spool import move_spools, openings
-from crane_model.hydraulics.stepping import CraneCourse
+from crane_model.hydraulics.stepping import CraneCourse, move_spools, openings
 from crane_model.model_file import Model
 from crane_model.whole_crane import (
     CraneState,

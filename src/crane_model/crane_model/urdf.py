@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_model.array import Array
 from crane_model.frames import roll_pitch_yaw
-from crane_model.inspection.travel import travels
+from crane_model.inspection.findings import travels
 from crane_model.machine import Machine
 
 _ORANGE, _GREY = "0.95 0.45 0.05 1", "0.3 0.3 0.32 1"

@@ -11,11 +11,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from crane_model.actuators.hydraulic import Chambers
+from crane_model.actuators.cylinders import Chambers
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.hydraulics.spool import openings, spool_course, trailing
-from crane_model.hydraulics.stepping import Circuit, CraneCourse, Mechanics, advance
+from crane_model.hydraulics.stepping import (
+    Circuit,
+    CraneCourse,
+    Mechanics,
+    advance,
+    openings,
+    spool_course,
+    trailing,
+)
 from crane_model.hydraulics.values import ChamberValues, HydraulicValues, ValveValues
 from crane_model.machine import Machine
 from crane_model.model_file import Model

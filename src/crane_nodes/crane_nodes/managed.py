@@ -1,19 +1,147 @@
-"""The life of a managed node as a process: started by itself or by others, shut down in order."""
+"""The life of a node as a process: its command line, its context, its end."""
 
+import argparse
 import gc
+import signal
 import sys
+import textwrap
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any
 
+import rclpy
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
-from crane_model.cli import run
+from crane_model.cli import command_line, run
 from crane_model.errors import ConfigurationError
-from crane_nodes.command_line import check_arguments
-from crane_nodes.context import ros
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.parameters import NodeParameter, Switch
+
+# ROS within a `with` block, ended by signals that never cut off what is being closed.
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Stop:
+    """Whether a signal has asked the process to stop."""
+
+    requested = False
+
+    def request(self, _number: int, _frame: FrameType | None) -> None:
+        """The handler of the signals."""
+        self.requested = True
+
+
+@contextmanager
+def ros(argv: Sequence[str]) -> Iterator[Stop]:
+    """ROS within the `with` block, where SIGINT, SIGTERM and SIGHUP only set what it gives.
+
+    So whatever is being closed is closed to its end, however often Ctrl-C is pressed.
+    """
+    stop = Stop()
+    previous = {number: signal.signal(number, stop.request) for number in SIGNALS}
+    rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield stop
+    finally:
+        rclpy.try_shutdown()
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+# The line by which a node says that it works.
+
+OF_EVERY_NODE = ("lifecycle_msgs", "rcl_interfaces", "type_description_interfaces")
+
+
+def say_ready(node: Node, *actions: str) -> None:
+    """Log `ready: listens to ...; publishes ...; serves ...`, with full names.
+
+    Whoever waits for a node, or reads its log, needs to know this line alone. `actions` are served
+    beside the services of the node; what every node has is left out.
+    """
+    listened = [(one.msg_type, one.topic_name) for one in node.subscriptions]
+    published = [(one.msg_type, one.topic_name) for one in node.publishers]
+    served = [(one.srv_type, one.service_name) for one in node.services]
+    parts = {
+        "listens to": _own(listened),
+        "publishes": _own(published),
+        "serves": [*_own(served), *map(node.resolve_service_name, actions)],
+    }
+    text = "; ".join(f"{verb} {', '.join(names)}" for verb, names in parts.items() if names)
+    node.get_logger().info(f"ready: {text}")
+
+
+def _own(entities: Iterable[tuple[Any, str]]) -> list[str]:
+    """Names of those whose type is none that every node has, each once."""
+    return list(dict.fromkeys(name for kind, name in entities if not _of_every_node(kind)))
+
+
+def _of_every_node(kind: type[Any]) -> bool:
+    return kind.__module__.partition(".")[0] in OF_EVERY_NODE
+
+
+# The command line of a node that is told everything by its parameters.
+
+WIDTH = 98
+SIMULATED = "  use_sim_time (default: false)\n      Run on simulated time, which /clock tells"
+
+
+def check_arguments(
+    name: str, about: str, parameters: Sequence[NodeParameter], argv: Sequence[str]
+) -> None:
+    """Explain the node and end if `argv` asks for it, or holds what is no argument of ROS."""
+    parser = command_line(
+        prog=name,
+        usage=f"{name} [-h] [--ros-args [-p PARAMETER:=VALUE] [--params-file FILE] ...]",
+        description=about,
+        epilog="\n".join(["parameters:", *map(_entry, parameters), SIMULATED]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.parse_args(own_arguments(argv))
+
+
+def own_arguments(argv: Sequence[str]) -> list[str]:
+    """Those that are not for ROS; ends the process where ROS cannot read its own."""
+    try:
+        return remove_ros_args(["", *argv])[1:]
+    except RuntimeError as error:
+        reason = str(error).partition(", at ")[0]  # what follows names lines of rcl's sources
+        sys.exit(f"error: {reason}")
+
+
+def ros_arguments(argv: Sequence[str]) -> list[str]:
+    """Those that are for ROS: from each --ros-args to the next --, or to the end."""
+    found: list[str] = []
+    inside = False
+    for word in argv:
+        inside = inside or word == "--ros-args"
+        if inside:
+            found.append(word)
+        inside = inside and word != "--"
+    return found
+
+
+def _entry(parameter: NodeParameter) -> str:
+    text = textwrap.fill(
+        parameter.description, WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6
+    )
+    return f"  {parameter.name} (default: {_shown(parameter.default)})\n{text}"
+
+
+def _shown(default: str | bool | float | tuple[float, ...]) -> str:
+    """As it is written after `:=`."""
+    if isinstance(default, bool):
+        return str(default).lower()
+    return str(list(default)) if isinstance(default, tuple) else str(default) or "empty"
+
+
+# The life of a managed node as a process: started by itself or by others, shut down in order.
 
 AUTOSTART = Switch("autostart", True, "Configure and activate the node when it starts")
 """To be declared by every managed node."""

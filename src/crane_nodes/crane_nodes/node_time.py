@@ -13,7 +13,20 @@ from std_msgs.msg import Header
 
 from crane_bags.clocks import NANOSECONDS, TimeBack
 from crane_nodes.scheduling import PATIENCE_S
-from crane_nodes.stamps import nanoseconds, stamp_of
+
+# Stamps of messages as whole numbers, and back.
+
+
+def nanoseconds(stamp: Time) -> int:
+    """A stamp as one number."""
+    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
+
+
+def stamp_of(time: int) -> Time:
+    """The stamp of a time in nanoseconds."""
+    seconds, nanosec = divmod(time, NANOSECONDS)
+    return Time(sec=seconds, nanosec=nanosec)
+
 
 CLOCK_TOPIC = "clock"  # of the namespace: each simulated crane has its own time
 TAKEN_TOPIC = "lock_step"

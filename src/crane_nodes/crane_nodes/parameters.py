@@ -5,10 +5,12 @@ The range of a number stands with it alone: ROS, `--help` and the checks have it
 """
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
+from pydantic import Field, RootModel
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -18,7 +20,10 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine, load_machine
+from crane_model.machine_files import DEFAULT_MACHINE, of_every_joint
 
 
 @dataclass(frozen=True)
@@ -232,3 +237,52 @@ def _as_double(given: Parameter) -> Parameter:
     if given.type_ is not Parameter.Type.INTEGER:
         return given
     return Parameter(given.name, value=float(given.value))
+
+
+# The parameter that names the machine: a node reads it first, for others are of its joints.
+
+MACHINE = Text(
+    "machine",
+    DEFAULT_MACHINE,
+    "Machine that ships with the suite by its name, or the folder or machine file of another; its "
+    "files are those that are not named themselves. At the start",
+)
+
+
+def declare_machine(node: Node) -> Machine:
+    """Declare the parameter and read the machine; `ConfigurationError` if there is none such."""
+    declare(node, (MACHINE,), read_only=(MACHINE,))
+    return load_machine(MACHINE.read(node))
+
+
+def read_again(node: Node, machine: Machine) -> Machine:
+    """The machine as its file is now; `ConfigurationError` if its joints are others than before."""
+    now = load_machine(MACHINE.read(node))
+    if dict(now.units) != dict(machine.units):
+        raise ConfigurationError(
+            f"{now.name}: the joints were {', '.join(machine.joint_names)} when the node started, "
+            f"now they are {', '.join(now.joint_names)}; start the node again"
+        )
+    return now
+
+
+# What nodes and operators need to know of each joint of a machine: its `joints.yaml`.
+
+
+class JointNote(Schema):
+    """An entry of `joints.yaml`, where the units are."""
+
+    jerk_density: Positive
+    tracking_tolerance: Annotated[float, Field(ge=1e-4, le=2.0)]
+    joystick_axis: Annotated[int, Field(ge=0, le=63)]
+    positive: str
+    ruler: str
+
+
+class JointNotes(RootModel[dict[str, JointNote]]):
+    """The whole file."""
+
+
+def load_joint_notes(path: Path | str, joints: Mapping[str, str]) -> dict[str, JointNote]:
+    """The notes of the `joints` of a machine, in their order; `ConfigurationError` if wrong."""
+    return of_every_joint(load(path, JointNotes).root, tuple(joints), str(path))

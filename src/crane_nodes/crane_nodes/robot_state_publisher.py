@@ -16,9 +16,8 @@ from std_msgs.msg import String
 
 from crane_model.cli import command_line, run
 from crane_model.errors import ConfigurationError
-from crane_nodes.command_line import own_arguments, ros_arguments
-from crane_nodes.context import ros
 from crane_nodes.driver_client import LATCHED
+from crane_nodes.managed import own_arguments, ros, ros_arguments
 
 NAME = "robot_state_publisher"
 PROGRAM = f"lib/{NAME}/{NAME}"

@@ -24,22 +24,22 @@ from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_observer.monitor.finding import SensorFinding as SensorFinding
+    from crane_observer.monitor.replay import SensorWatch as SensorWatch
     from crane_observer.monitor.signatures import Part as Part
     from crane_observer.monitor.signatures import Wrong as Wrong
     from crane_observer.monitor.tolerance import learn as learn
     from crane_observer.monitor.tolerance import unlearnt as unlearnt
-    from crane_observer.monitor.watching import SensorWatch as SensorWatch
     from crane_observer.position.sensor import PositionSensor as PositionSensor
-    from crane_observer.position.window import PoseEstimate as PoseEstimate
+    from crane_observer.position.state import PoseEstimate as PoseEstimate
     from crane_observer.recording import HeardRecording as HeardRecording
 
 __getattr__, __dir__, __all__ = lazily(
     __name__,
     {
         "monitor.finding": ("SensorFinding",),
+        "monitor.replay": ("SensorWatch",),
         "monitor.signatures": ("Part", "Wrong"),
         "monitor.tolerance": ("learn", "unlearnt"),
-        "monitor.watching": ("SensorWatch",),
         "position.filter": ("PoseEstimate",),
         "position.sensor": ("PositionSensor",),
         "recording": ("HeardRecording",),

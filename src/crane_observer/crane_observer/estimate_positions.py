@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from crane_model import cli
-from crane_model.arguments import between
 from crane_model.array import Array, Flags
+from crane_model.cli import between
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model
-from crane_observer.position.picture import draw
-from crane_observer.position.replay import EstimatedCourse, replay_smoothed
+from crane_observer.position.hypotheses import refuse_unserved
+from crane_observer.position.replay import EstimatedCourse, draw, replay_smoothed
 from crane_observer.position.sensor import START, PositionSensor
-from crane_observer.position.serving import refuse_unserved
 from crane_observer.recording import HeardRecording
 
 TABLE, PICTURE = "positions.csv", "positions.png"

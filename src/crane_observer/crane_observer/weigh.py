@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from crane_model import cli
-from crane_model.arguments import between
+from crane_model.cli import between
 from crane_model.errors import DataError
 from crane_model.model_file import load_model
 from crane_observer.recording import HeardRecording
-from crane_observer.scale.lifts import HEADINGS, Lift, lifts, row_of
-from crane_observer.scale.replay import weigh
-from crane_observer.scale.scale import Scale, Weighing
+from crane_observer.scale.scale import HEADINGS, Lift, Scale, Weighing, lifts, row_of, weigh
 
 LIFTS, COURSE = "lifts.csv", "load.csv"
 

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from crane_sim.hiding.calibrate import calibrate
-    from crane_sim.hiding.spec import HiddenEffect, Spec, load_spec
+    from crane_sim.hiding.label import HiddenEffect, Spec, load_spec
     from crane_sim.make_bag import make
     from crane_sim.parts.parameters import StandIn, load_stand_in, save_stand_in
     from crane_sim.plant.closed_loop import SimulatedRecording, record

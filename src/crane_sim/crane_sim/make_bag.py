@@ -11,6 +11,7 @@ written: bag, 33.1 s
 ('slew', 'inner_boom', 'outer_boom', 'telescope')
 """
 
+import argparse
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from functools import partial
@@ -28,35 +29,57 @@ from crane_bags.types import (
 )
 from crane_bags.writer import BagWriter
 from crane_model import cli
-from crane_model.arguments import between, whole
+from crane_model.cli import between, whole
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine
+from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
-from crane_sim.effects.fault import SensorFault
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import Planted, SensorFault
 from crane_sim.effects.sensing import faults
-from crane_sim.faulty.faults import Faults
-from crane_sim.faulty.kinds import parse
-from crane_sim.hiding.calibrate import hidden_in
-from crane_sim.hiding.clean import Clean, clean
-from crane_sim.hiding.label import check_place, load_hidden, write_label
-from crane_sim.hiding.slewing import slewing
-from crane_sim.options import add_faults, add_plant, load_both
-from crane_sim.parts.parameters import StandIn
+from crane_sim.hiding.calibrate import hidden_in, slewing
+from crane_sim.hiding.label import Clean, check_place, clean, load_hidden, write_label
+from crane_sim.parts.parameters import JOINTS_FILE, StandIn, load_stand_in
 from crane_sim.plant.closed_loop import REST, Course, SimulatedRecording, Steps, record
-from crane_sim.plant.machine_in_motion import Build
 from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
+from crane_sim.plant.sampled import Build, Sensors
+from crane_sim.sensor_faults import Faults, parse
 from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
-from crane_trajectory.control.controller import Gains, load_gains
 from crane_trajectory.control.interface import Controller
+from crane_trajectory.control.pd_dead_zone import Gains, load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
+
+# What the commands of the stand-in machine have in common.
+
+
+def add_plant(parser: argparse.ArgumentParser) -> None:
+    """`--plant`, the stand-in file."""
+    parser.add_argument("--plant", type=Path, help="stand-in file (default: that of the machine)")
+
+
+def add_faults(parser: argparse.ArgumentParser) -> None:
+    """`--fault`, once for each."""
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="TARGET.PART.KIND[=SIZE][@SECONDS]",
+        help="a sensor or valve that fails, as JOINT.encoder.stuck@12.5, seconds after the "
+        "beginning; may be repeated. Of a joint: encoder, pressure_a, pressure_b, pressures, "
+        "valve; of the supply: supply.pressure. A wrong one is answered with what there is",
+    )
+
+
+def load_both(machine: str | None, plant: Path | None) -> tuple[Machine, StandIn]:
+    """What `--machine` and `--plant` name; `ConfigurationError` if either is wrong."""
+    known = load_machine(machine)
+    joints = machine_file("machine.yaml", machine).with_name(JOINTS_FILE)
+    return known, load_stand_in(machine_file("stand_in.yaml", machine, plant), known, joints)
+
 
 STARTED = datetime(2025, 1, 1, tzinfo=UTC)  # fixed, so that the same seed gives the same bag
 
@@ -138,8 +161,8 @@ def make(
 
     `motion` is that of `plan`, led by (36) with `gains` or by the `controller`; `seed` is that of
     noise and jitter; at its `moment` the recording begins; what is `failing` does so as
-    `crane_sim.faulty.kinds.parse` reads it; `build` makes the machine of `stand_in`, by default the
-    `Plant`; `flaws` are those of its sensors that count as noise. The bag holds what a machine
+    `crane_sim.sensor_faults.parse` reads it; `build` makes the machine of `stand_in`, by default
+    the `Plant`; `flaws` are those of its sensors that count as noise. The bag holds what a machine
     without hidden effects would write: nothing but readings differs.
     """
     made = build or partial(Plant, stand_in, machine)

@@ -17,18 +17,53 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model import cli
-from crane_model.base_set import base_set
+from crane_model.base_parameters import base_set
+from crane_model.cylinders import lever_arm
 from crane_model.errors import ConfigurationError
 from crane_model.hydraulics.values import JointHydraulics
 from crane_model.kinematics import link_transforms
 from crane_model.machine import Machine
 from crane_model.terms.serial_rigid_body import SerialRigidBody
 from crane_model.terms.term import Setting
-from crane_sim.effects.fault import measured_joints
-from crane_sim.options import add_plant, load_both
+from crane_sim.effects.form import measured_joints
+from crane_sim.make_bag import add_plant, load_both
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import StandIn
-from crane_sim.planted_hydraulics import hydraulics_of
+
+# The planted hydraulics: what `identify` is to find of the stand-in's valves, oil and cylinders.
+#
+# Under the names and in the units that section `hydraulics` of a model file has;
+# `crane_model.hydraulics.stepping` says what each is. A stand-in that hides effects has others.
+
+
+def hydraulics_of(parameters: StandIn, machine: Machine, joint: str) -> dict[str, float]:
+    """By name [SI]. The gain of a fully open edge depends on where the null of the spool lies: the
+    way from the edge to full stroke is longer on one side of it.
+    """
+    valve, inside = parameters.valves[joint], parameters.cylinders[joint]
+    start = parameters.start[[machine.index(joint)]]
+    null = float(np.sign(lever_arm(machine, joint, start))[0]) * valve.null_bias
+    dead_a, dead_b = valve.dead_zone + null, valve.dead_zone - null
+    gain = valve.rated_flow / np.sqrt(valve.rated_drop)
+    by_a, by_b = (gain * (1.0 - dead) / (1.0 - valve.dead_zone) for dead in (dead_a, dead_b))
+    frequency = 2.0 * np.pi * valve.natural_frequency
+    return {
+        "dead_zone_a": dead_a,
+        "dead_zone_b": dead_b,
+        "hysteresis": 0.0,
+        "lag": 2.0 * valve.damping_ratio / frequency,
+        "natural_frequency": frequency,
+        "damping_ratio": valve.damping_ratio,
+        "supply_a": by_a * valve.edges.supply_a,
+        "a_tank": by_b * valve.edges.a_tank,
+        "supply_b": by_b * valve.edges.supply_b,
+        "b_tank": by_a * valve.edges.b_tank,
+        "bulk_modulus": parameters.oil.bulk_modulus,
+        "dead_volume_a": inside.dead_volume_a,
+        "dead_volume_b": inside.dead_volume_b,
+        "leakage": inside.leakage,
+    }
+
 
 ON_AXIS = 1e-9  # m
 ROUNDING = 1e-12  # of the largest value

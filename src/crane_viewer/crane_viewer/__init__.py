@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
-    from crane_viewer.reach import ground_arc as ground_arc
-    from crane_viewer.reach import reached_places as reached_places
-    from crane_viewer.reach import side_outline as side_outline
+    from crane_viewer.scene import ground_arc as ground_arc
+    from crane_viewer.scene import reached_places as reached_places
+    from crane_viewer.scene import side_outline as side_outline
     from crane_viewer.view import View as View
 
 __getattr__, __dir__, __all__ = lazily(
     __name__,
     {
-        "reach": ("ground_arc", "reached_places", "side_outline"),
+        "scene": ("ground_arc", "reached_places", "side_outline"),
         "view": ("View",),
     },
 )

@@ -6,7 +6,7 @@ import rerun.blueprint as rrb
 
 from crane_model.machine import Machine
 from crane_viewer import paths
-from crane_viewer.reach import reached_places
+from crane_viewer.scene import reached_places
 
 MEASURED, REFERENCE, PREDICTED = (38, 70, 102), (226, 113, 29), (194, 40, 31)
 CHAMBER_A, CHAMBER_B = (31, 119, 140), (150, 96, 164)

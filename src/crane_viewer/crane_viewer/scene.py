@@ -1,18 +1,125 @@
 """The crane in space: the URDF as it moves, its cylinders, its reach, and the way of its tip."""
 
+import math
 import tempfile
 from collections import deque
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 
+from crane_model.actuators import CylinderActuator
+from crane_model.inspection.findings import poses
+from crane_model.inspection.picture import PlacedBar, placed_bars
 from crane_model.kinematics import tip_position
 from crane_model.machine import Machine
 from crane_model.urdf import urdf
 from crane_viewer import paths
-from crane_viewer.cylinders import along_z, round_bars
-from crane_viewer.reach import ground_arc, reached_places, side_outline
+
+# Cylinders and links as round bars, from the machine file: lengths, pistons and rods are true.
+
+BARREL = (38, 42, 48)
+ROD = (206, 212, 219)
+LINK = (104, 112, 122)
+WALL = 1.3  # of a barrel: radius outside over that of the piston
+BARREL_SHARE = 0.92  # of the shortest length from pin to pin that the barrel takes
+LINK_SHARE = 0.04  # of its length: radius of a link
+
+
+class RoundBar(NamedTuple):
+    """A straight round bar in the base's frame [m]."""
+
+    begin: np.ndarray
+    end: np.ndarray
+    radius: float
+    colour: tuple[int, int, int]
+
+
+def round_bars(machine: Machine, q: np.ndarray) -> list[RoundBar]:
+    """Barrels, rods and links at q (j,), always as many and in the same order."""
+    return [part for bar in placed_bars(machine, q) for part in _parts(machine, bar)]
+
+
+def _parts(machine: Machine, bar: PlacedBar) -> list[RoundBar]:
+    length = float(np.linalg.norm(bar.end - bar.begin))
+    actuator = machine.actuators[bar.joint]
+    if not (bar.is_cylinder and isinstance(actuator, CylinderActuator)):
+        return [RoundBar(bar.begin, bar.end, LINK_SHARE * length, LINK)]
+    piston = math.sqrt(actuator.area_a_of_one / math.pi)
+    rod = math.sqrt(max(actuator.area_a_of_one - actuator.area_b_of_one, 0.0) / math.pi)
+    share = min(BARREL_SHARE * actuator.length_min / length, 1.0)
+    mouth = bar.begin + share * (bar.end - bar.begin)
+    return [
+        RoundBar(bar.begin, mouth, WALL * piston, BARREL),
+        RoundBar(bar.begin, bar.end, rod or 0.5 * piston, ROD),
+    ]
+
+
+def along_z(begin: np.ndarray, end: np.ndarray) -> tuple[float, float, float, float]:
+    """Quaternion (x, y, z, w) that turns the z axis to the direction from `begin` to `end`."""
+    x, y, z = (end - begin) / np.linalg.norm(end - begin)
+    if z < -1.0 + 1e-12:
+        return 1.0, 0.0, 0.0, 0.0
+    w = math.sqrt((1.0 + z) / 2.0)
+    return -y / (2.0 * w), x / (2.0 * w), 0.0, w
+
+
+# Where the tip of a machine can get, as lines to draw.
+
+POSES = 200_000
+AT_A_LIMIT = 1 / 3  # share of the joints of a pose: there, most of the boundary is reached
+BANDS = 60  # of height, or of direction
+SEED = 0
+
+
+@cache
+def reached_places(machine: Machine) -> np.ndarray:
+    """(n, 3) places of the tip within the limits, many of them on the boundary [m]."""
+    generator = np.random.default_rng(SEED)
+    low, _, high = poses(machine)
+    q = generator.uniform(low, high, (POSES, len(low)))
+    at_limit = generator.random(q.shape) < AT_A_LIMIT
+    limit = np.where(generator.random(q.shape) < 0.5, low, high)
+    return tip_position(machine, np.where(at_limit, limit, q))
+
+
+def side_outline(places: np.ndarray) -> np.ndarray:
+    """(m, 2) closed outline of places (n, 3), seen along the ground: radius and height [m].
+
+    >>> places = np.array([[1.0, 0.0, 0.0], [0.0, 3.0, 0.0], [2.0, 0.0, 1.0]])
+    >>> side_outline(places)[:, 0].tolist()  # out along the outer side, back along the inner one
+    [3.0, 2.0, 2.0, 1.0, 3.0]
+    """
+    radius, height = np.hypot(places[:, 0], places[:, 1]), places[:, 2]
+    band = _bands(height, height.min(), height.max())
+    present = np.unique(band)
+    centre = height.min() + (present + 0.5) * (np.ptp(height) or 1.0) / BANDS
+    inner = np.array([radius[band == one].min() for one in present])
+    outer = np.array([radius[band == one].max() for one in present])
+    out, back = np.stack([outer, centre], axis=1), np.stack([inner, centre], axis=1)[::-1]
+    return np.concatenate([out, back, out[:1]])
+
+
+def ground_arc(places: np.ndarray) -> np.ndarray:
+    """(m, 2) farthest places (n, 3) in every direction that is reached, seen from above [m]."""
+    angle, radius = np.arctan2(places[:, 1], places[:, 0]), np.hypot(places[:, 0], places[:, 1])
+    band = _bands(angle, -np.pi, np.pi)
+    present = np.unique(band)
+    centre = -np.pi + (present + 0.5) * 2.0 * np.pi / BANDS
+    gap = int(np.argmax(np.diff(centre, append=centre[0] + 2.0 * np.pi))) + 1
+    centre = np.roll(centre, -gap)  # the line begins where the widest gap ends
+    farthest = np.array([radius[band == one].max() for one in np.roll(present, -gap)])
+    return farthest[:, None] * np.stack([np.cos(centre), np.sin(centre)], axis=1)
+
+
+def _bands(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    """(n,) whole numbers from 0 to `BANDS` - 1."""
+    share = (values - low) / ((high - low) or 1.0)
+    bands: np.ndarray = np.minimum((share * BANDS).astype(int), BANDS - 1)
+    return bands
+
 
 FRAME_PERIOD_NS = 50_000_000  # ns between two pictures: a browser shows no more, live
 TRAIL_PICTURES = 400  # 20 s of where the tip was

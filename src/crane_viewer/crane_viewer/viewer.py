@@ -8,12 +8,52 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rosbags.serde import SerdeError
+
+from crane_bags.namespaces import namespace_of
+from crane_bags.storage import announced, blocks, open_bag
+from crane_bags.types import JOINT_STATES
 from crane_model.cli import add_machine, command_line, run
-from crane_model.errors import ConfigurationError, CraneError
+from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine import Machine, load_machine
+from crane_viewer.view import SHOWN, View
 
 if TYPE_CHECKING:
     from crane_viewer.view import View
+
+
+# A bag as a view.
+
+
+def show_bag(view: View, machine: Machine, bag: Path) -> None:
+    """All that a bag holds of one crane; `DataError` if there is nothing of it to show."""
+    namespace = namespace_of(bag)
+    within = {one.within(namespace).name: one for one in SHOWN if one.name != "/diagnostics"}
+    within |= {one.name: one for one in SHOWN if one.name == "/diagnostics"}
+    with open_bag(bag) as reader:
+        types = {one.topic: one.msgtype for one in reader.connections}
+        topics = {
+            name: one
+            for name, one in within.items()
+            if types.get(name) == one.msgtype and announced(reader, name)[0]
+        }
+        if not topics:
+            raise DataError(
+                f"{bag}: holds none of {', '.join(within)}; it holds {', '.join(sorted(types))}"
+            )
+        for block in blocks(bag, reader, topics):
+            try:
+                view.take(topics[block.topic], block.log_times, block.messages)
+            except (SerdeError, ValueError) as error:
+                raise DataError(
+                    f"{bag}: topic {block.topic}: {error}; the bag is damaged"
+                ) from error
+    if JOINT_STATES.within(namespace).name in topics and not view.posed:
+        raise DataError(
+            f"{bag}: no joint states of {', '.join(machine.joint_names)}, the joints of "
+            f"{machine.name}; name the machine of the bag by --machine"
+        )
+
 
 LOOPBACK = "127.0.0.1"
 
@@ -72,7 +112,6 @@ def _check_place(file: Path) -> None:
 
 def _show_bag(view: "View", machine: Machine, options: argparse.Namespace) -> None:
     """A file of a bag that could not be read is taken away again."""
-    from crane_viewer.bag import show_bag
 
     try:
         show_bag(view, machine, options.bag)

@@ -9,11 +9,10 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.serde import SerdeError
 
-from crane_nodes.context import ros
 from crane_nodes.executor import KeptExecutor
+from crane_nodes.managed import ros, say_ready
 from crane_nodes.polled import Polled
-from crane_nodes.ready import say_ready
-from crane_nodes.recording.definitions import message_class
+from crane_nodes.recording.bag import message_class
 from crane_nodes.scheduling import schedule
 from crane_viewer.view import SHOWN, View
 

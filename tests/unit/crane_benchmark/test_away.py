@@ -14,10 +14,16 @@ pytest.importorskip("mujoco")
 from crane_bags.reader import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES, VALVE_COMMAND
 from crane_benchmark.away import pushing, rubbing
-from crane_benchmark.away.bodies import MujocoBodies
-from crane_benchmark.away.bristles import bent
-from crane_benchmark.away.oil import ATMOSPHERE, POLYTROPE, modulus, orifice, relaxed
-from crane_benchmark.away.parts import Make
+from crane_benchmark.away.parts import (
+    ATMOSPHERE,
+    POLYTROPE,
+    Make,
+    MujocoBodies,
+    bent,
+    modulus,
+    orifice,
+    relaxed,
+)
 from crane_benchmark.away.plant import AwayPlant
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import RangeError
@@ -28,7 +34,7 @@ from crane_sim.make_bag import make
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
@@ -38,10 +44,9 @@ FORMS = (*rubbing.FORMS, *pushing.FORMS)
 SHARED = """
 import sys
 import crane_benchmark.away.plant
-own = ("parts.constants", "parts.cylinders", "parts.friction", "parts.hydraulics",
-       "parts.rigid_bodies", "parts.state", "parts.vectors", "plant", "effects.friction",
-       "effects.flow", "effects.forms", "effects.kernel", "effects.loads", "effects.memory",
-       "effects.pushes", "effects.working", "effects.bending")
+own = ("parts.constants", "parts.cylinders", "parts.rigid_bodies", "plant.plant",
+       "effects.friction", "effects.flow", "effects.forms", "effects.kernel", "effects.loads",
+       "effects.memory", "effects.pushes", "effects.working", "effects.bending")
 print(*(one for one in own if f"crane_sim.{one}" in sys.modules))
 """
 

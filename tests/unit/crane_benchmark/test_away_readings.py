@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from crane_benchmark.away.families import FAMILIES
-from crane_benchmark.cases.joints import LABORATORY_CRANE
-from crane_sim.effects.fault import SensorFault
-from crane_sim.effects.form import Form
+from crane_benchmark.cases.motions import LABORATORY_CRANE
+from crane_sim.effects.form import Form, SensorFault
 
 JOINT, COLUMN = "outer_boom", 2
 TIME = np.sort(0.005 * np.arange(800) + np.random.default_rng(1).uniform(-1e-4, 1e-4, 800))

@@ -6,7 +6,7 @@ from crane_benchmark.scores.score_cases import carrying
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.terms.gravity_and_load import Payload
-from crane_model.terms.load import Load
+from crane_model.terms.term import Load
 
 
 def test_loads_are_those_of_the_held_out_recordings():

@@ -12,13 +12,11 @@ from crane_benchmark.cases.case_sets import (
     cases,
     with_others,
 )
-from crane_benchmark.cases.drawn import ABSORBED
-from crane_benchmark.cases.joints import LABORATORY_CRANE
-from crane_benchmark.cases.motions import Richness
+from crane_benchmark.cases.drawn import ABSORBED, STORIES
+from crane_benchmark.cases.motions import LABORATORY_CRANE, Richness
 from crane_benchmark.cases.sites import AS_DRAWN, LAWS, SURVEYED, drawn_effects, drawn_machine
-from crane_benchmark.cases.strangers import STORIES
 from crane_identification.diagnosis.flow.usual import load_usual
-from crane_sim.hiding.spec import HiddenEffect
+from crane_sim.hiding.label import HiddenEffect
 from crane_sim.parts.parameters import load_stand_in
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from crane_benchmark import batch, benchmark
-from crane_benchmark.answers.answer_file import AnswerStatistics, CaseAnswer
+from crane_benchmark.answers.answer_cases import AnswerStatistics, CaseAnswer
 from crane_benchmark.batch import Batch
 from crane_benchmark.cases.case import Site
 from crane_benchmark.cases.case_sets import CaseSet, cases

@@ -8,16 +8,13 @@ from laboratory_crane import JOINTS, PLANAR_JOINTS
 
 from crane_benchmark.cases.case import Case, CaseKind, EffectToHide, HiddenInRecording
 from crane_benchmark.cases.clean import load_seen, save_clean
-from crane_benchmark.scores.truth import CaseTruth
-from crane_benchmark.scores.unusual import beyond_usual
-from crane_identification.diagnosis.finding_entry import FindingEntry, FoundParameter
-from crane_identification.diagnosis.findings_file import Findings
+from crane_benchmark.scores.truth import CaseTruth, beyond_usual
+from crane_identification.diagnosis.findings_file import FindingEntry, Findings, FoundParameter
 from crane_identification.diagnosis.flow.usual import load_usual
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
-from crane_sim.hiding.clean import Clean
-from crane_sim.hiding.label import LabelledEffect, LabelledParameter
+from crane_sim.hiding.label import Clean, LabelledEffect, LabelledParameter
 from crane_sim.parts.parameters import Edges, load_stand_in
 
 JOINT = "outer_boom"

@@ -2,12 +2,11 @@
 
 import pytest
 
-from crane_benchmark.answers.answer_file import CaseAnswer
+from crane_benchmark.answers.answer_cases import CaseAnswer
 from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.leave_one_out import Left, became
 from crane_benchmark.scores.judgement import BlindAnswer, Judgement, judge
-from crane_identification.diagnosis.finding_entry import FindingEntry, FoundEffect
-from crane_identification.diagnosis.findings_file import Findings
+from crane_identification.diagnosis.findings_file import FindingEntry, Findings, FoundEffect
 
 STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")
 """Two effects."""

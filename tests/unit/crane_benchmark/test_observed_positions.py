@@ -4,8 +4,7 @@ import numpy as np
 from unit.crane_observer.observed import at_work, known
 
 from crane_benchmark.observing.machines import stock
-from crane_benchmark.observing.observer import ObservedQuantity, together
-from crane_benchmark.observing.positions import ObservedRecording
+from crane_benchmark.observing.observer import ObservedQuantity, ObservedRecording, together
 
 
 def test_nees_stands_beside_the_band_that_slow_errors_leave() -> None:

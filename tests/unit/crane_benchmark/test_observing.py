@@ -9,20 +9,23 @@ from unit.crane_observer.observed import known
 
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.cycles import WorkCycles
-from crane_benchmark.observing.failing import AIMS, OTHERS, SOONEST, FailingCase, drawn
-from crane_benchmark.observing.kept import HeardWork, KeptRecordings
-from crane_benchmark.observing.loads import WeighedLift, in_motion, rows_of, weighed
-from crane_benchmark.observing.loads import missed as missed_loads
-from crane_benchmark.observing.machines import stock
-from crane_benchmark.observing.observer import missed
-from crane_benchmark.observing.picture import draw_curves, shares
-from crane_benchmark.observing.watched import (
+from crane_benchmark.observing.failing import (
+    AIMS,
+    OTHERS,
+    SOONEST,
+    FailingCase,
     MonitorAnswer,
     WatchedMachine,
     answered,
+    drawn,
     smallest,
     with_fault,
 )
+from crane_benchmark.observing.loads import WeighedLift, in_motion, rows_of, weighed
+from crane_benchmark.observing.loads import missed as missed_loads
+from crane_benchmark.observing.machines import HeardWork, KeptRecordings, stock
+from crane_benchmark.observing.observer import missed
+from crane_benchmark.observing.picture import draw_curves, shares
 from crane_model.errors import DataError
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.signatures import Part, Wrong
@@ -30,8 +33,8 @@ from crane_observer.monitor.tolerance import unlearnt
 from crane_observer.recording import HeardRecording
 from crane_observer.scale.scale import ScaleCondition, Weighing
 from crane_observer.scale.weighing import TipLoad
-from crane_sim.faulty.kinds import TimedFault, parse
 from crane_sim.plant.closed_loop import REST
+from crane_sim.sensor_faults import TimedFault, parse
 
 
 @pytest.mark.parametrize(("value", "misses"), [(1.9, 0), (2.0, 0), (2.01, 1)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from crane_benchmark.answers.answer_file import AnswerStatistics
+from crane_benchmark.answers.answer_cases import AnswerStatistics
 from crane_benchmark.cases.case import Case, Site, Story
 from crane_benchmark.cases.case_sets import STRENGTHS, CaseSet, cases
 from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
@@ -17,9 +17,15 @@ from crane_benchmark.scores.calibration import agreement, together
 from crane_benchmark.scores.home_and_away import side_by_side
 from crane_benchmark.scores.judgement import AND_MORE, BlindAnswer, Judgement
 from crane_benchmark.scores.printed import notes, tables
-from crane_benchmark.scores.rates import median, rate
-from crane_benchmark.scores.row import CaseRow, ScoredEffect
-from crane_benchmark.scores.summary import BenchmarkResults, by_site, summary
+from crane_benchmark.scores.summary import (
+    BenchmarkResults,
+    CaseRow,
+    ScoredEffect,
+    by_site,
+    median,
+    rate,
+    summary,
+)
 
 
 def test_rates_have_the_interval_of_wilson():

@@ -5,9 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from crane_benchmark.cases.case import Carried, Case, CaseKind, EffectToHide, World
+from crane_benchmark.cases.case import (
+    Carried,
+    Case,
+    CaseKind,
+    EffectToHide,
+    SessionRecording,
+    World,
+    recordings,
+)
 from crane_benchmark.cases.motions import Maker
-from crane_benchmark.cases.session import SessionRecording, recordings
 from crane_identification.preparation.periodicity import detect_periodicity
 from crane_model.errors import DataError
 from crane_model.machine import load_machine

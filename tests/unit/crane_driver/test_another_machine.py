@@ -16,15 +16,15 @@ from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import DriverLoop, JointSample
 from crane_driver.driver_parameters import driver_parameters
 from crane_driver.operator.bringup import pictures
-from crane_driver.operator.bringup.encoder import EncoderResult, find_encoder
 from crane_driver.operator.bringup.samples import Rest
-from crane_driver.operator.jog.jog_parameters import JogParameters
-from crane_driver.safety.settings import load_safety
+from crane_driver.operator.bringup.sensors import EncoderResult, find_encoder
+from crane_driver.operator.jog.jog_node import JogParameters
+from crane_driver.safety.limits import load_safety
 from crane_driver.safety.supervisor import Supervisor
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.parameters import load_joint_notes
 
 LOADER = Path(__file__).parents[2] / "machines" / "loader"
 MACHINE = load_machine(LOADER)

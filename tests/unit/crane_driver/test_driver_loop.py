@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from crane_driver.can.assembly import LEARNT
 from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec, MachineCodec
-from crane_driver.can.cycles import LEARNT
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import CylinderEffort, DriverLoop, JointSample, PressureSample
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.settings import load_safety
+from crane_driver.safety.limits import load_safety
 from crane_driver.safety.states import SafetyState
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import load_machine

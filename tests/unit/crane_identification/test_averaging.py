@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from crane_identification.estimation.lack_of_fit import independent_samples
+from crane_identification.estimation.autoregression import independent_samples
 from crane_identification.preparation.averaging import (
     drift,
     fold,

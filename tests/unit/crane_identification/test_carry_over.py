@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crane_identification.validation.carry_over import elsewhere
+from crane_identification.validation.force_validation import elsewhere
 
 JOINTS = ("inner_boom", "outer_boom", "telescope")
 

@@ -13,7 +13,7 @@ from crane_identification.estimation.consistent import SMALLEST, consistent
 from crane_identification.estimation.estimate import Estimate
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.physics import physics
-from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.regression import Rows
 from crane_identification.fitting import FitResult, fit
 from crane_identification.options import Estimator, Options
 from crane_model.dynamics import Geometry, mass_matrix

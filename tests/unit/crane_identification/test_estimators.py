@@ -12,12 +12,14 @@ from statsmodels.robust.norms import TukeyBiweight
 from statsmodels.robust.robust_linear_model import RLM
 from unit.crane_identification.test_least_squares import THETA, columns, noisy, rows
 
-from crane_identification.estimation.instrumental import instrumental
-from crane_identification.estimation.lack_of_fit import lack_of_fit
-from crane_identification.estimation.least_squares import least_squares
-from crane_identification.estimation.robust import robust
-from crane_identification.estimation.rows import Rows
-from crane_identification.estimation.weighted import weighted
+from crane_identification.estimation.autoregression import lack_of_fit
+from crane_identification.estimation.least_squares import (
+    instrumental,
+    least_squares,
+    robust,
+    weighted,
+)
+from crane_identification.estimation.regression import Rows
 from crane_identification.options import Covariance
 from crane_identification.signals.decimate import decimate, filtered_noise
 from crane_model.errors import DataError

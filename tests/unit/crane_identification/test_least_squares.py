@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from statsmodels.regression.linear_model import OLS, WLS
 
 from crane_identification.estimation.least_squares import least_squares
-from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.regression import Rows
 from crane_identification.options import Covariance
 from crane_model.errors import DataError
 

@@ -13,8 +13,7 @@ from crane_model.simulation import simulate
 from crane_model.terms import presliding, single_axis
 from crane_model.terms.friction import Viscous
 from crane_model.terms.gravity_and_load import Payload
-from crane_model.terms.load import Load
-from crane_model.terms.term import Setting
+from crane_model.terms.term import Load, Setting
 
 PERIOD = 0.005  # s
 

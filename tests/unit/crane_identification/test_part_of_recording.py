@@ -11,7 +11,7 @@ from crane_identification.data.arguments import Sources
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.options import Options
 from crane_model.errors import DataError
-from crane_model.progress import silent
+from crane_model.progress_bar import silent
 
 GIVEN = ["--model", "m", "--train", "a", "--validate", "b", "--out", "c"]
 COLUMNS = {

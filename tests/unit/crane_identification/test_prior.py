@@ -17,7 +17,7 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting
 from crane_model.terms.friction import Coulomb, Viscous
-from crane_model.terms.planar import planar_machine
+from crane_model.terms.gravity_and_load import planar_machine
 from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_model.terms.serial_rigid_body import SerialRigidBody
 from crane_model.terms.single_axis import Inertia, Offset

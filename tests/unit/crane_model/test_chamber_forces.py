@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from crane_model.chamber_forces import ChamberForces
-from crane_model.cylinders import generalized_forces
+from crane_model.cylinders import ChamberForces, generalized_forces
 from crane_model.errors import RangeError
 from crane_model.machine import Machine, load_machine
-from crane_model.machine.coupling import Coupling
+from crane_model.machine.machine import Coupling
 
 CRANE = load_machine()
 SLIDE = Coupling(joints=("inner_boom", "telescope"), matrix=((1.0, 0.2), (0.0, 1.0)))

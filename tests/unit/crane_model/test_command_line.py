@@ -14,8 +14,7 @@ import pytest
 
 from crane_model import cli
 from crane_model import progress_bar as shown
-from crane_model.arguments import above, between, one_of, whole
-from crane_model.cli import check_out, command_line
+from crane_model.cli import above, between, check_out, command_line, one_of, whole
 from crane_model.errors import ConfigurationError
 from crane_model.progress_bar import progress_bar
 

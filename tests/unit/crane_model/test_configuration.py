@@ -9,10 +9,9 @@ from pydantic import Field, ValidationError
 from pydantic_core import core_schema
 
 from crane_model.cli import run
-from crane_model.configuration import Schema, load, read_yaml, save
+from crane_model.configuration import Schema, load, read_yaml, save, wording
 from crane_model.errors import ConfigurationError, CraneError, DataError, RangeError
 from crane_model.machine_files import machine_file
-from crane_model.wording import wording
 
 LIMITS = (
     *("gt", "ge", "lt", "le", "multiple_of", "min_length", "max_length", "pattern", "expected"),

@@ -13,10 +13,15 @@ from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY, DrawnTerm, Setting, term_from_mapping
-from crane_model.terms.drawn import hats, rounded
 from crane_model.terms.drawn_force import DrawnEndDamping, DrawnPositionForce, RelaxingForce
-from crane_model.terms.drawn_friction import DrawnLoadFriction, DrawnPadFriction, DrawnWarmUp
-from crane_model.terms.friction_load import PadFriction
+from crane_model.terms.drawn_friction import (
+    DrawnLoadFriction,
+    DrawnPadFriction,
+    DrawnWarmUp,
+    hats,
+    rounded,
+)
+from crane_model.terms.friction import PadFriction
 
 DRAWN = sorted(name for name, cls in REGISTRY.items() if issubclass(cls, DrawnTerm))
 OF_ONE_INSTANT = sorted(set(DRAWN) - {"filtered_reading"})

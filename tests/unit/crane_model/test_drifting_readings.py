@@ -11,8 +11,8 @@ from unit.crane_model.test_term_sensing import INERTIAL
 from crane_model.cylinders import generalized_forces, lever_arm
 from crane_model.machine import Machine
 from crane_model.record import Record
-from crane_model.terms.drifting_reading import ChamberGainDrift, PressureDrift
 from crane_model.terms.rigid_body import PlanarRigidBody
+from crane_model.terms.sensing import ChamberGainDrift, PressureDrift
 
 BEGIN = 1200.0  # s, after the first recording of the session
 

@@ -9,7 +9,7 @@ from unit.crane_model.test_term_registry import CANDIDATES, example, setting_of
 
 from crane_model.record import Record
 from crane_model.terms import REGISTRY, MemoryTerm
-from crane_model.terms.effect import Variable
+from crane_model.terms.term import Variable
 
 SAMPLES = 40
 BETWEEN = {"recording"}  # differs from one recording to another, not within one

@@ -9,7 +9,7 @@ from unit.crane_model.test_term_registry import SETTING
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import load_model
 from crane_model.record import Record
-from crane_model.terms.end_cushioning import EndCushioning
+from crane_model.terms.joint_term import EndCushioning
 
 LOW, HIGH, ZONE = 0.0, 1.55, 0.2  # m, of the telescope
 OLD = """\

@@ -10,8 +10,7 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import simulate
 from crane_model.terms import Setting
-from crane_model.terms.filtered_reading import LEADS, FilteredReading
-from crane_model.terms.sensing import TimeSkew
+from crane_model.terms.sensing import LEADS, FilteredReading, TimeSkew
 from crane_model.terms.single_axis import Inertia
 
 AXIS = Setting({"axis": "m"}, None)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics.spool import openings, spool_course, trailing
+from crane_model.hydraulics.stepping import openings, spool_course, trailing
 from crane_model.hydraulics.values import (
     ChamberValues,
     HydraulicValues,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from crane_model.chain import regressor
-from crane_model.chain.lane_angles import COS, FAR, LANES, MOVED, SIN, set_near_turn, set_turn
+from crane_model.chain.lanes import COS, FAR, LANES, MOVED, SIN, set_near_turn, set_turn
 from crane_model.machine import load_machine
 
 KUKA = Path(__file__).parents[2] / "machines" / "kuka_kr300.yaml"

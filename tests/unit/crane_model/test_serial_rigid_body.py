@@ -7,8 +7,7 @@ import pytest
 from unit.crane_model.pinocchio_chain import random_bodies
 
 from crane_model import chain as chains
-from crane_model.base_parameters import reveal_rank
-from crane_model.base_set import base_set
+from crane_model.base_parameters import base_set, reveal_rank
 from crane_model.cylinders import (
     cylinder_forces_from_generalized,
     generalized_from_actuators,
@@ -19,8 +18,7 @@ from crane_model.machine import Machine, load_machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting
-from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
-from crane_model.terms.rotor_inertia import RotorInertia
+from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody, RotorInertia
 from crane_model.terms.serial_rigid_body import SerialRigidBody
 
 SAMPLES = 60

@@ -8,7 +8,7 @@ from unit.crane_model.test_term_registry import SETTING, random_record
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
-from crane_model.terms.strange_reading import (
+from crane_model.terms.sensing import (
     BentReading,
     CurvedReadingOfA,
     CurvedReadingOfB,

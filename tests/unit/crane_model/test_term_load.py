@@ -13,10 +13,16 @@ from crane_model.dynamics import Geometry, gravity_vector, lagrangian_regressor
 from crane_model.kinematics import tip_jacobian, tip_position
 from crane_model.machine import Machine
 from crane_model.record import Record
-from crane_model.terms.friction_load import WeightFriction
-from crane_model.terms.gravity_and_load import BaseTilt, HoseMass, Payload, SlewCoupling
-from crane_model.terms.load import Load
-from crane_model.terms.planar import AxisReach, BoomDirections
+from crane_model.terms.friction import WeightFriction
+from crane_model.terms.gravity_and_load import (
+    AxisReach,
+    BaseTilt,
+    BoomDirections,
+    HoseMass,
+    Payload,
+    SlewCoupling,
+)
+from crane_model.terms.term import Load
 
 RECORD = random_record()
 

@@ -10,14 +10,10 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import simulate
 from crane_model.terms import Setting
-from crane_model.terms.backlash import Backlash
-from crane_model.terms.elasticity import BoomFlexibility
+from crane_model.terms.elasticity import BoomFlexibility, relative_acceleration, swung_along
 from crane_model.terms.friction import Coulomb
-from crane_model.terms.maxwell_slip import SHARES, MaxwellSlip
-from crane_model.terms.oscillator import relative_acceleration, swung_along
-from crane_model.terms.presliding import Presliding
+from crane_model.terms.presliding import SHARES, Backlash, MaxwellSlip, Presliding, Stiction
 from crane_model.terms.single_axis import Inertia
-from crane_model.terms.stiction import Stiction
 
 AXIS = Setting({"axis": "m"}, None)
 HYSTERESIS = (MaxwellSlip(joint="axis", travel=0.01), Presliding(joint="axis", travel=0.01))

@@ -14,7 +14,7 @@ from crane_model.actuators import actuator_from_mapping
 from crane_model.configuration import read_yaml
 from crane_model.errors import DataError
 from crane_model.machine import load_machine
-from crane_model.machine.coupling import Coupling
+from crane_model.machine.machine import Coupling
 from crane_model.machine_files import machine_file
 from crane_model.record import Record
 from crane_model.terms import (

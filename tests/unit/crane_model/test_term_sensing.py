@@ -12,12 +12,11 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms import REGISTRY
-from crane_model.terms.actuator import ActuatorInertia
 from crane_model.terms.drawn_friction import DrawnLoadFriction
 from crane_model.terms.force_scale import ForceScale, LinkageScale, PressureGain
 from crane_model.terms.gravity_and_load import BaseTilt
 from crane_model.terms.nuisance import VelocityLag
-from crane_model.terms.rigid_body import PlanarRigidBody
+from crane_model.terms.rigid_body import ActuatorInertia, PlanarRigidBody
 from crane_model.terms.sensing import (
     ChamberAGain,
     ChamberGain,

@@ -11,8 +11,8 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.twin import CYCLE, Twin
 from crane_sim.parts.parameters import load_stand_in
+from crane_sim.plant.closed_loop import TwinPlant
 from crane_sim.plant.plant import Plant
-from crane_sim.plant.twin_plant import TwinPlant
 
 MACHINES = ("laboratory_crane", "excavator", "single_axis")
 

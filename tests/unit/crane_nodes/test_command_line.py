@@ -2,7 +2,7 @@
 
 import pytest
 
-from crane_nodes.command_line import check_arguments, own_arguments
+from crane_nodes.managed import check_arguments, own_arguments
 from crane_nodes.parameters import Number, Numbers, Switch, Text
 
 PARAMETERS = (

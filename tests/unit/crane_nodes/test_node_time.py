@@ -12,9 +12,16 @@ from std_msgs.msg import Header
 
 from crane_bags.clocks import TimeBack
 from crane_nodes import node_time
-from crane_nodes.node_time import TAKEN, TAKEN_TOPIC, NodeTime, Pacing, tell_back
+from crane_nodes.node_time import (
+    TAKEN,
+    TAKEN_TOPIC,
+    NodeTime,
+    Pacing,
+    nanoseconds,
+    stamp_of,
+    tell_back,
+)
 from crane_nodes.polled import Polled
-from crane_nodes.stamps import nanoseconds, stamp_of
 
 SECOND = 10**9
 

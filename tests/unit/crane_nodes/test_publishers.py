@@ -2,7 +2,7 @@
 
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from crane_nodes.publishers import LOOKS, NAME_UNKNOWN, UNNAMED, NameLooks, node_names
+from crane_nodes.names import LOOKS, NAME_UNKNOWN, UNNAMED, NameLooks, node_names
 
 
 def endpoint(namespace: str, name: str) -> TopicEndpointInfo:

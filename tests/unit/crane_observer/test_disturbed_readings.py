@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import known, recording
 
-from crane_observer.monitor.watching import Heed, SensorWatch
+from crane_observer.monitor.replay import Heed, SensorWatch
 from crane_observer.position.sensor import PositionSensor, SensorCondition
 from crane_observer.scale.scale import Scale, ScaleCondition
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import known
 
-from crane_model.hydraulics.chambers import roots
+from crane_model.hydraulics.stepping import roots
 from crane_model.hydraulics.values import Measured
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_observer.node.in_order import LONGEST, InOrder
+from crane_observer.node.observer_node import LONGEST, InOrder
 
 MS = 1_000_000  # ns
 CYCLE = 5 * MS

@@ -20,8 +20,8 @@ from crane_observer.position.flow import (
     add_interval,
     spools_of,
 )
+from crane_observer.position.hypotheses import Observability
 from crane_observer.position.kalman import carry, correct, relax
-from crane_observer.position.observability import Observability
 from crane_observer.position.state import POSITION, StateLayout, Trust
 
 Q, V, A = np.array([[0.4, -1.3, 0.5]]), np.array([[0.1, -0.05, 0.2]]), np.array([[0.2, 0.1, -0.1]])

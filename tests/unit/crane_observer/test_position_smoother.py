@@ -8,11 +8,10 @@ import pytest
 from unit.crane_observer.observed import at_work, known, recording
 
 from crane_model.array import Array
-from crane_observer.position.gaussian import Gaussian, KeptGaussian
+from crane_observer.position.kalman import Gaussian, KeptGaussian
 from crane_observer.position.replay import EstimatedCourse, replay_smoothed
 from crane_observer.position.sensor import PositionSensor
-from crane_observer.position.smoother import KnownLater
-from crane_observer.position.smoothing import CHAPTER
+from crane_observer.position.smoothing import CHAPTER, KnownLater
 
 SIZE, MOVED, SEEN, TIMES = 5, 2, 2, 12
 ALL = np.ones(3, dtype=bool)

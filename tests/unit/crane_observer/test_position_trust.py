@@ -8,11 +8,10 @@ import pytest
 from unit.crane_observer.observed import JOINTS, known
 
 from crane_model.model_file import Model
+from crane_observer.position.balance import Known
 from crane_observer.position.flow import SUMS, Commands, add_interval, spools_of
-from crane_observer.position.known import Known
-from crane_observer.position.state import FLOW_SHARES, NULL, UNEXPLAINED, flow_share
+from crane_observer.position.state import FLOW_SHARES, NULL, UNEXPLAINED, FlowWindow, flow_share
 from crane_observer.position.strokes import Stroke, stroke_of
-from crane_observer.position.window import FlowWindow
 
 OFFSET = 2e4  # Pa
 OPENING, SECONDS = 0.4, 0.05

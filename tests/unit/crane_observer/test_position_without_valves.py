@@ -11,11 +11,11 @@ from crane_model.errors import ConfigurationError
 from crane_model.hydraulics.values import HydraulicValues
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_observer.position.assumed import GAIN_DOUBT
-from crane_observer.position.known import Known
+from crane_observer.position.balance import Known
+from crane_observer.position.flow import GAIN_DOUBT
+from crane_observer.position.hypotheses import refuse_unserved, told_by_weight
 from crane_observer.position.replay import replay
 from crane_observer.position.sensor import PositionSensor, SensorCondition
-from crane_observer.position.serving import refuse_unserved, told_by_weight
 from crane_observer.position.state import EXTENDING
 
 BARE = replace(known(), hydraulics=None)

@@ -9,11 +9,10 @@ from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.effects.kernel import act, settle
 from crane_sim.effects.working import Hidden, packed
-from crane_sim.parts.constants import Constants, pack
+from crane_sim.parts.constants import Constants, Scratch, State, at_rest, pack, room
 from crane_sim.parts.cylinders import set_lengths_and_levers
 from crane_sim.parts.parameters import StandIn
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_sim.parts.state import Scratch, State, at_rest, room
 
 STEP = 2e-4  # s
 

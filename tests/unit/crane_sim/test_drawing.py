@@ -9,7 +9,7 @@ from crane_model.cylinders import cylinder_length
 from crane_model.errors import RangeError
 from crane_model.kinematics import link_transforms
 from crane_model.machine import Machine, load_machine
-from crane_sim.drawing.pins import Pins, pins
+from crane_sim.drawing.bodies import Pins, pins
 from crane_sim.drawing.scene import Scene
 from crane_sim.parts.parameters import StandIn
 from crane_sim.parts.pose import parse_pose

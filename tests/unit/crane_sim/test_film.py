@@ -11,9 +11,8 @@ from crane_bags.writer import BagWriter
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import Machine
 from crane_sim.drawing import film
+from crane_sim.drawing.film import LEFT, RIGHT, Shot, Strip, shot
 from crane_sim.drawing.offscreen import gl_context
-from crane_sim.drawing.shot import Shot, shot
-from crane_sim.drawing.strip import LEFT, RIGHT, Strip
 
 SIZE = (240, 200)
 SECONDS, STEP = 4.0, 0.01

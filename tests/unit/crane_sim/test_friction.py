@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from crane_model.machine_files import machine_file
 from crane_sim.parts.constants import pack_friction
-from crane_sim.parts.friction import lugre_force, step_lugre, step_set_valued
+from crane_sim.parts.cylinders import lugre_force, step_lugre, step_set_valued
 from crane_sim.parts.parameters import StandIn, load_stand_in
 
 STEP = 1e-3

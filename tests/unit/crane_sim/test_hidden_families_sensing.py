@@ -8,7 +8,7 @@ from unit.crane_sim.test_hidden_sensing import TIME, A, B, fault, shown, spool
 from crane_model.machine import Machine
 from crane_sim.effects.flaws import drawn_flaws
 from crane_sim.effects.flow import leak, softness
-from crane_sim.parts.hydraulics import opening
+from crane_sim.parts.cylinders import opening
 from crane_sim.parts.parameters import StandIn
 
 JOINT, COLUMN = "outer_boom", 2

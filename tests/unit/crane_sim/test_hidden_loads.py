@@ -12,7 +12,7 @@ from crane_model.kinematics import tip_jacobian
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.terms.gravity_and_load import tip_mass
-from crane_sim.hiding.slewing import Slewing, slewing
+from crane_sim.hiding.calibrate import Slewing, slewing
 from crane_sim.parts.parameters import Body, StandIn
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan

@@ -7,11 +7,10 @@ import pytest
 from unit.crane_sim.hidden_machine import Rig, planted, rig
 
 from crane_model.machine import Machine, load_machine
-from crane_sim.effects.fault import SensorFault
 from crane_sim.effects.flow import leak, meter, note_softness, softness
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import Planted, SensorFault
 from crane_sim.effects.sensing import faults
-from crane_sim.parts.hydraulics import opening
+from crane_sim.parts.cylinders import opening
 from crane_sim.parts.parameters import StandIn
 
 JOINTS = load_machine().joint_names

@@ -17,15 +17,22 @@ from crane_sim.effects.forms import FORMS
 from crane_sim.effects.memory import STILL
 from crane_sim.effects.sensing import faults
 from crane_sim.hiding.calibrate import PASSES, UnmovedError, calibrate, draw, moved, reach
-from crane_sim.hiding.label import check_place, clean_path, label, load_hidden, write_label
-from crane_sim.hiding.spec import HiddenEffect, Spec
+from crane_sim.hiding.label import (
+    HiddenEffect,
+    Spec,
+    check_place,
+    clean_path,
+    label,
+    load_hidden,
+    write_label,
+)
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import StandIn, column
 from crane_sim.parts.rigid_bodies import inverse_dynamics
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.controller import Gains, load_gains
+from crane_trajectory.control.pd_dead_zone import Gains, load_gains
 from crane_trajectory.motion.motion import Reference
 
 JOINTS = load_machine().joint_names

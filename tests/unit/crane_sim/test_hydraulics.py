@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lsim
 
-from crane_model.hydraulics.spool import transition
+from crane_model.hydraulics.stepping import transition
 from crane_model.machine import Machine
 from crane_sim.parts.constants import pack
-from crane_sim.parts.hydraulics import (
+from crane_sim.parts.cylinders import (
     Oil,
     chamber_step,
     conductances,

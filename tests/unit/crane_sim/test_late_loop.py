@@ -5,12 +5,11 @@ from scipy.signal import butter, sosfiltfilt
 
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.parameters import load_joint_notes
 from crane_sim.parts.parameters import load_stand_in
-from crane_sim.plant.closed_loop import record
-from crane_sim.plant.late_plant import LatePlant
+from crane_sim.plant.closed_loop import LatePlant, record
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory

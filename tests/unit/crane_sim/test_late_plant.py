@@ -5,7 +5,7 @@ import pytest
 
 from crane_model.machine import load_machine
 from crane_sim.parts.parameters import load_stand_in
-from crane_sim.plant.late_plant import LatePlant, mean_delay
+from crane_sim.plant.closed_loop import LatePlant, mean_delay
 from crane_sim.plant.plant import Plant
 
 MACHINE, STAND_IN = load_machine(), load_stand_in()

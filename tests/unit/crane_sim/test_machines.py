@@ -19,14 +19,13 @@ from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
-from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.parameters import load_joint_notes
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.drawing.scene import Scene
 from crane_sim.effects.form import Where
 from crane_sim.effects.sensing import faults
-from crane_sim.hiding.clean import clean
-from crane_sim.hiding.spec import HiddenEffect, Spec, check_joints
-from crane_sim.options import load_both
+from crane_sim.hiding.label import HiddenEffect, Spec, check_joints, clean
+from crane_sim.make_bag import load_both
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.mujoco_model import chain_positions, machine_spec
 from crane_sim.parts.parameters import StandIn, load_stand_in
@@ -36,7 +35,7 @@ from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_sim.planted import main as print_planted
 from crane_sim.planted import planted
-from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory

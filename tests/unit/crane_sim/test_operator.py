@@ -9,7 +9,7 @@ import pytest
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.bus.operator_at_machine import Operator
+from crane_sim.bus.machine_on_bus import Operator
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.plant.plant import Plant
 

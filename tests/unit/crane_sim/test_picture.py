@@ -13,7 +13,7 @@ from crane_sim.drawing.offscreen import FINENESS, draw, gl_context, take_picture
 from crane_sim.drawing.opengl import LIBRARIES, find_backend
 from crane_sim.drawing.scene import Scene
 from crane_sim.parts.parameters import StandIn
-from crane_trajectory.motion.fourier import FourierTrajectory
+from crane_trajectory.motion.periodic import FourierTrajectory
 
 JOINTS = load_machine().joint_names
 

@@ -17,16 +17,14 @@ from crane_driver.can.layout import Layout
 from crane_driver.can.simulated_time import START_NS, STEP, TIME, step_frame, time_frame, told_time
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.bus.machine_on_bus import LONGEST_STEP, MachineOnBus
+from crane_sim.bus.machine_on_bus import LONGEST_STEP, TIMEOUT, MachineOnBus, ValveUnit
 from crane_sim.bus.pace import BACKLOG, LockStep, PlantPace
 from crane_sim.bus.simulated_crane import main
-from crane_sim.bus.valve_unit import TIMEOUT, ValveUnit
-from crane_sim.faulty.faults import Faults
 from crane_sim.parts.parameters import load_stand_in
-from crane_sim.plant.machine_in_motion import MachineInMotion
+from crane_sim.plant.closed_loop import TwinPlant
 from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
-from crane_sim.plant.twin_plant import TwinPlant
+from crane_sim.plant.sampled import MachineInMotion, Sensors
+from crane_sim.sensor_faults import Faults
 
 JOINTS = load_machine().joint_names
 

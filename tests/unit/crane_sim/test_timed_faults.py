@@ -8,14 +8,13 @@ from hypothesis import strategies as st
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
-from crane_sim.bus.operator_at_machine import Operator
-from crane_sim.faulty.faults import Faults
-from crane_sim.faulty.kinds import KINDS, parse, parts_of
+from crane_sim.bus.machine_on_bus import Operator
 from crane_sim.parts.parameters import StandIn
 from crane_sim.plant.closed_loop import SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.controller import load_gains
+from crane_sim.sensor_faults import KINDS, Faults, parse, parts_of
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from crane_model.machine import Machine
-from crane_sim.parts.parameters import Edges, StandIn, column, load_stand_in, save_stand_in
-from crane_sim.parts.variation import vary, vary_valves
+from crane_sim.parts.parameters import (
+    Edges,
+    StandIn,
+    column,
+    load_stand_in,
+    save_stand_in,
+    vary,
+    vary_valves,
+)
 
 
 def test_other_machines(stand_in: StandIn, machine: Machine, tmp_path: Path) -> None:

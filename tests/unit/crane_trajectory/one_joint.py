@@ -11,7 +11,6 @@ from crane_model.model_file import Model
 from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.single_axis import Gravity, Inertia
 from crane_model.terms.term import Setting
-from crane_trajectory.control.geometry import length_and_lever, tables
 from crane_trajectory.control.interface import (
     ControlCondition,
     Controller,
@@ -19,9 +18,14 @@ from crane_trajectory.control.interface import (
     SensorReading,
     Wanted,
 )
-from crane_trajectory.control.inverse_flow import edges, speed_under_load
 from crane_trajectory.control.load import ReferenceLoad
-from crane_trajectory.control.valves_and_oil import ValvesAndOil
+from crane_trajectory.control.valves_and_oil import (
+    ValvesAndOil,
+    edges,
+    length_and_lever,
+    speed_under_load,
+    tables,
+)
 
 DT = 0.005  # s
 MACHINE: Machine = load_machine("single_axis")

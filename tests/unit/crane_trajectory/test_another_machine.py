@@ -12,19 +12,16 @@ from crane_model.kinematics import tip_jacobian
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_trajectory.control.controller import command, load_gains
-from crane_trajectory.control.tuning import Tuning
-from crane_trajectory.excitation.columns import ColumnSet
-from crane_trajectory.excitation.criterion import Criterion, CriterionKind
+from crane_trajectory.control.pd_dead_zone import Tuning, command, load_gains
+from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
+from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.excitation.picture import draw
-from crane_trajectory.excitation.problem import ExcitationProblem
-from crane_trajectory.excitation.settings import load_design_settings
+from crane_trajectory.excitation.search import ExcitationProblem
 from crane_trajectory.excitation.sweeps import design_sweeps
 from crane_trajectory.experiment import Experiment, Outcome
-from crane_trajectory.motion.check import load_clearance, trajectory_violations
+from crane_trajectory.motion.check import TipRoom, load_clearance, trajectory_violations
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.motion.room import TipRoom
 from crane_trajectory.trajectory_parameters import TuningNumbers
 
 LOADER = Path(__file__).parents[2] / "machines" / "loader"

@@ -15,13 +15,13 @@ from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import (
     Clearance,
     load_clearance,
+    maxima,
     pump_flow,
     refuse,
+    tip_room,
     trajectory_violations,
 )
-from crane_trajectory.motion.extremes import maxima
-from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
-from crane_trajectory.motion.room import tip_room
+from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries
 
 MACHINE = load_machine()
 PLANAR_JOINTS = MACHINE.joint_names[1:]

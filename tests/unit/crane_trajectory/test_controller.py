@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_trajectory.control.controller import (
+from crane_trajectory.control.pd_dead_zone import (
     GainFields,
     JointGains,
     command,

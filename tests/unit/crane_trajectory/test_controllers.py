@@ -36,15 +36,18 @@ from crane_trajectory.control.choice import (
     learning,
     led_by_model,
 )
-from crane_trajectory.control.controller import GainFields, command, load_gains
 from crane_trajectory.control.flow_feedforward import FlowFeedforward
-from crane_trajectory.control.geometry import length_and_lever, tables
 from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
-from crane_trajectory.control.learning import Learning
-from crane_trajectory.control.learnt import in_words, learnt_hydraulics
+from crane_trajectory.control.learning import Learning, in_words, learnt_hydraulics
 from crane_trajectory.control.load import ReferenceLoad
-from crane_trajectory.control.pd_dead_zone import PdDeadZone
-from crane_trajectory.control.tuning import Tuning
+from crane_trajectory.control.pd_dead_zone import (
+    GainFields,
+    PdDeadZone,
+    Tuning,
+    command,
+    load_gains,
+)
+from crane_trajectory.control.valves_and_oil import length_and_lever, tables
 
 GAINS = GainFields(*(np.array([each]) for each in (6.0, 0.1, 0.06, 0.05, 0.02, 0.003)))
 ZERO = np.zeros(1)

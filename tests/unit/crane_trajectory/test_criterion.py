@@ -8,17 +8,20 @@ from crane_model.dynamics import Geometry
 from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
-from crane_trajectory.excitation.columns import ColumnSet, column_map
 from crane_trajectory.excitation.criterion import (
+    ColumnSet,
     Criterion,
     CriterionKind,
+    column_map,
+    information,
     log_condition,
     log_normalised_condition,
     log_std_dev,
     log_volume,
+    one_period,
+    relative_std_devs,
 )
-from crane_trajectory.excitation.merit import information, one_period, relative_std_devs
-from crane_trajectory.excitation.settings import load_design_settings
+from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(machine_file("model.yaml"))

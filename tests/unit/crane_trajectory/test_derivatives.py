@@ -13,11 +13,11 @@ from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 from crane_model.terms import JointTerm, Parameter, Setting, Term
 from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
-from crane_model.terms.rotor_inertia import RotorInertia
+from crane_model.terms.rigid_body import RotorInertia
 from crane_model.terms.serial_rigid_body import SerialRigidBody
 from crane_model.terms.single_axis import Offset
-from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
-from crane_trajectory.motion.fourier import MotionSamples
+from crane_trajectory.excitation.limits import pull_back, smooth_record, smooth_regressor
+from crane_trajectory.motion.periodic import MotionSamples
 
 PLANAR_JOINTS = load_machine().joint_names[1:]
 MODEL = load_model(machine_file("model.yaml"))

@@ -8,8 +8,8 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_trajectory.design import main
-from crane_trajectory.excitation.merit import figures_of_merit
-from crane_trajectory.excitation.settings import load_design_settings
+from crane_trajectory.excitation.criterion import figures_of_merit
+from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.motion.check import load_clearance, trajectory_violations
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory

@@ -11,18 +11,17 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Setting
-from crane_trajectory.excitation.campaign import campaign
-from crane_trajectory.excitation.columns import ColumnSet
-from crane_trajectory.excitation.criterion import Criterion, CriterionKind
-from crane_trajectory.excitation.limits import Limit
-from crane_trajectory.excitation.merit import one_period
-from crane_trajectory.excitation.problem import ExcitationProblem, machine_of
-from crane_trajectory.excitation.search import search, steps
-from crane_trajectory.excitation.settings import load_design_settings
-from crane_trajectory.motion.check import Clearance, load_clearance, pump_flow
-from crane_trajectory.motion.fourier import FourierTrajectory
-from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.motion.room import tip_room
+from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind, one_period
+from crane_trajectory.excitation.limits import Limit, load_design_settings
+from crane_trajectory.excitation.search import (
+    ExcitationProblem,
+    campaign,
+    machine_of,
+    search,
+    steps,
+)
+from crane_trajectory.motion.check import Clearance, load_clearance, pump_flow, tip_room
+from crane_trajectory.motion.periodic import FourierTrajectory, load_trajectory
 
 PLANAR_JOINTS = load_machine().joint_names[1:]
 MODEL = load_model(machine_file("model.yaml"))

@@ -10,15 +10,12 @@ from hypothesis import strategies as st
 from crane_interfaces.action import RunExcitation
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
-from crane_trajectory.control.tracking import PeriodicError
-from crane_trajectory.control.tuning import BLEND, Tuning
-from crane_trajectory.experiment import RELEASE_TIME_S, Experiment, Outcome, Stage
+from crane_trajectory.control.pd_dead_zone import BLEND, Tuning, load_gains
+from crane_trajectory.experiment import RELEASE_TIME_S, Experiment, Outcome, PeriodicError, Stage
 from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
-from crane_trajectory.motion.motion import Motion, Phase, plan
-from crane_trajectory.motion.reference_clock import BRAKE_TIME, LONGEST_STEP
+from crane_trajectory.motion.motion import BRAKE_TIME, LONGEST_STEP, Motion, Phase, plan
+from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries
 
 JOINTS = load_machine().joint_names
 PERIOD = 0.01  # s

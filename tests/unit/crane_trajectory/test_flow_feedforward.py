@@ -16,8 +16,7 @@ from unit.crane_trajectory.one_joint import (
     swing,
 )
 
-from crane_trajectory.control.cycle import STOP_RATE
-from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
+from crane_trajectory.control.flow_feedforward import STOP_RATE, FlowFeedforward, feedback_gains
 from crane_trajectory.control.interface import (
     ControlCondition,
     Point,
@@ -25,8 +24,7 @@ from crane_trajectory.control.interface import (
     Wanted,
     in_words,
 )
-from crane_trajectory.control.valves_and_oil import ValvesAndOil
-from crane_trajectory.control.watch import USED_AGAIN
+from crane_trajectory.control.valves_and_oil import USED_AGAIN, ValvesAndOil
 
 GOOD = 2e-4  # rad, an error of a swing of 0.3 rad
 DEAD_ZONE = 0.06

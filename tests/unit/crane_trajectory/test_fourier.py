@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from crane_model.configuration import load, save
 from crane_model.errors import ConfigurationError
-from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries, load_trajectory
 
 coefficient = st.floats(-1.0, 1.0, allow_subnormal=False)
 

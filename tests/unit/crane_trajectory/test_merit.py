@@ -5,15 +5,17 @@ import pytest
 
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
-from crane_trajectory.excitation.columns import ColumnSet, column_map, inertial_columns
-from crane_trajectory.excitation.merit import (
+from crane_trajectory.excitation.criterion import (
+    ColumnSet,
+    column_map,
     condition_numbers,
     figures_of_merit,
+    inertial_columns,
     information,
     one_period,
     relative_std_devs,
 )
-from crane_trajectory.excitation.settings import load_design_settings
+from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(machine_file("model.yaml"))

@@ -11,17 +11,21 @@ from crane_model.errors import RangeError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
 from crane_trajectory.motion.motion import (
     APPROACH_SHARE,
     RUN_UP,
     Motion,
     Phase,
+    ReferenceClock,
     compile_reference,
     plan,
 )
-from crane_trajectory.motion.reference_clock import ReferenceClock
-from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
+from crane_trajectory.motion.periodic import (
+    FourierTrajectory,
+    JointCourse,
+    JointSeries,
+    SweepTrajectory,
+)
 
 MACHINE = load_machine()
 JOINTS = MACHINE.joint_names

@@ -10,8 +10,7 @@ from unit.crane_trajectory.test_experiment import MOTION, TIMEOUT, TUNING, Crane
 from crane_trajectory.design import main
 from crane_trajectory.experiment import Experiment, Outcome, Stage
 from crane_trajectory.motion.motion import Motion
-from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.motion.probe import Probe
+from crane_trajectory.motion.periodic import Probe, load_trajectory
 
 SIZE = 0.02
 

@@ -5,9 +5,8 @@ import pytest
 
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_trajectory.control.controller import load_gains
-from crane_trajectory.control.tuning import Tuning
-from crane_trajectory.readiness import REST_TIME_S, Readiness
+from crane_trajectory.control.pd_dead_zone import Tuning, load_gains
+from crane_trajectory.experiment import REST_TIME_S, Readiness
 
 JOINTS = load_machine().joint_names
 TUNING = Tuning(load_gains(machine_file("controller.yaml"), load_machine()).arrays, 1.0, np.ones(4))

@@ -9,8 +9,7 @@ import pytest
 
 from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
-from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.motion.reading import read_apart
+from crane_trajectory.motion.periodic import load_trajectory, read_apart
 
 TRIES = 5
 SHIPPED = sorted(
@@ -54,7 +53,7 @@ def test_a_path_longer_than_any_is_refused() -> None:
 def test_a_file_that_takes_for_ever_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("crane_trajectory.motion.reading.LONGEST_WAIT", 0.01)
+    monkeypatch.setattr("crane_trajectory.motion.periodic.LONGEST_WAIT", 0.01)
     with pytest.raises(ConfigurationError, match=r"cannot be read within 0\.01 s"):
         read_apart(SHIPPED[0])
 

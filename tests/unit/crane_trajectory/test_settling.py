@@ -16,14 +16,17 @@ from crane_model.open_question import OpenMember, OpenQuestion, OpenQuestions, Q
 from crane_model.terms import Term, term_from_mapping
 from crane_model.terms.friction import Coulomb
 from crane_trajectory.design import main
-from crane_trajectory.excitation.settings import load_design_settings
+from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.motion.check import load_clearance, trajectory_violations
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.settling.courses import CourseDraws
-from crane_trajectory.settling.prediction import Hypothesis, PlannedRecording
-from crane_trajectory.settling.pressures import steady_pressures
-from crane_trajectory.settling.separation import PlannedExperiment
+from crane_trajectory.settling.prediction import (
+    Hypothesis,
+    PlannedExperiment,
+    PlannedRecording,
+    steady_pressures,
+)
 from crane_trajectory.settling.settling import model_of, pairs_of
 
 MODEL = crane_model()

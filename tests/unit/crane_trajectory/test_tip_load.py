@@ -12,8 +12,7 @@ from unit.crane_trajectory.test_flow_feedforward import controller, jump
 
 from crane_model.kinematics import tip_position
 from crane_trajectory.control.interface import SensorReading, Wanted
-from crane_trajectory.control.load import ReferenceLoad
-from crane_trajectory.control.tip_load import LONGEST, OLDEST, RATE, FedLoad, ToldLoad
+from crane_trajectory.control.load import LONGEST, OLDEST, RATE, FedLoad, ReferenceLoad, ToldLoad
 
 SURE = ToldLoad(0.0, 100.0, 0.5, "GOOD")
 ANYTHING = st.floats(allow_nan=True, allow_infinity=True)

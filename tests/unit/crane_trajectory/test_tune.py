@@ -7,8 +7,7 @@ import yaml
 from known_crane import write_known_model
 
 from crane_model.machine_files import machine_file
-from crane_trajectory.rehearsal.margins import DELAYS, SCALES, JointMargins
-from crane_trajectory.rehearsal.tune import main
+from crane_trajectory.tune import DELAYS, SCALES, JointMargins, main
 
 SHORT = {
     "name": "short",

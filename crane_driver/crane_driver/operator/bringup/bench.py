@@ -13,11 +13,10 @@ from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import PositionSignal
 from crane_driver.operator.bringup.crane_client import CraneClient
 from crane_driver.operator.bringup.motion import Mover, StoppedError
-from crane_driver.operator.bringup.restart import Parameters, driver_command
 from crane_driver.operator.bringup.samples import ROTARY, Rest, at_rest
 from crane_driver.operator.bringup.series import MAPPING, Series, copy_changed
-from crane_driver.operator.bringup.terminal import BringupTerminal
-from crane_nodes.joint_notes import JointNote
+from crane_driver.operator.bringup.terminal import BringupTerminal, Parameters, driver_command
+from crane_nodes.parameters import JointNote
 
 REPEATS = 5  # of one ramp
 Done = TypeVar("Done")

@@ -15,16 +15,14 @@ from sensor_msgs.msg import JointState
 
 from crane_driver.operator.bringup.motion import MotionError, StoppedError, Tick
 from crane_driver.operator.bringup.samples import FEWEST, JointInstant
-from crane_driver.operator.rhythm import COMMAND_PERIOD_S, LONGEST_PAUSE_S
+from crane_driver.operator.wording import COMMAND_PERIOD_S, LONGEST_PAUSE_S
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import DataError
-from crane_nodes.context import Stop
 from crane_nodes.driver_client import DriverClient, NoDriverError
 from crane_nodes.executor import KeptExecutor
-from crane_nodes.node_time import NodeTime
-from crane_nodes.ready import say_ready
+from crane_nodes.managed import Stop, say_ready
+from crane_nodes.node_time import NodeTime, nanoseconds
 from crane_nodes.scheduling import PATIENCE_S
-from crane_nodes.stamps import nanoseconds
 
 DEPTH = 50  # messages
 ANSWER_TIMEOUT_S = 10.0  # for the driver to answer

@@ -11,25 +11,21 @@ from crane_driver.driver_parameters import DBC, MAPPING, driver_parameters
 from crane_driver.operator.bringup import measuring, moving
 from crane_driver.operator.bringup.bench import Bench, Protocol
 from crane_driver.operator.bringup.crane_client import CraneClient
-from crane_driver.operator.bringup.restart import (
+from crane_driver.operator.bringup.series import CONTROLLER, RESULT, STEPS, Series
+from crane_driver.operator.bringup.series import MAPPING as MAPPING_FILE
+from crane_driver.operator.bringup.terminal import (
+    BringupTerminal,
     Parameters,
     driver_command,
     next_command,
 )
-from crane_driver.operator.bringup.series import CONTROLLER, RESULT, STEPS, Series
-from crane_driver.operator.bringup.series import MAPPING as MAPPING_FILE
-from crane_driver.operator.bringup.terminal import BringupTerminal
-from crane_model.arguments import between
-from crane_model.cli import command_line, run
+from crane_model.cli import between, command_line, run
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_nodes.command_line import own_arguments, ros_arguments
-from crane_nodes.context import ros
-from crane_nodes.joint_notes import load_joint_notes
-from crane_nodes.machine_parameter import MACHINE
-from crane_nodes.parameters import NodeParameter, Switch
+from crane_nodes.managed import own_arguments, ros, ros_arguments
+from crane_nodes.parameters import MACHINE, NodeParameter, Switch, load_joint_notes
 
 USE_SIM_TIME = Switch("use_sim_time", False, "run on simulated time")  # of every node
 ORDER = """\

@@ -8,10 +8,9 @@ import numpy as np
 
 from crane_driver.operator.bringup import pictures
 from crane_driver.operator.bringup.bench import Bench
-from crane_driver.operator.bringup.encoder import EncoderResult, find_encoder
 from crane_driver.operator.bringup.motion import OTHERS
-from crane_driver.operator.bringup.pressure import find_offset
 from crane_driver.operator.bringup.samples import ROTARY, Rest, moved
+from crane_driver.operator.bringup.sensors import EncoderResult, find_encoder, find_offset
 from crane_driver.operator.bringup.series import significant
 from crane_model.errors import DataError
 

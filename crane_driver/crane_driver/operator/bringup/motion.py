@@ -4,8 +4,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from crane_driver.operator.bringup.polarity import Nudge
 from crane_driver.operator.bringup.samples import SINKING, JointInstant, Rest, Trace
+from crane_driver.operator.bringup.valves import Nudge
 from crane_model.errors import CraneError, DataError
 
 OTHERS = 10.0  # movements, by which another joint may be shaken

@@ -7,13 +7,18 @@ from typing import Any
 
 from crane_driver.operator.bringup import motion, pictures
 from crane_driver.operator.bringup.bench import Bench
-from crane_driver.operator.bringup.dead_band import DeadBandResult, average
 from crane_driver.operator.bringup.motion import Mover
-from crane_driver.operator.bringup.polarity import find_polarity
 from crane_driver.operator.bringup.ramps import DIRECTIONS, Runs, unhurried
-from crane_driver.operator.bringup.response import StepFit, first_gains, fit_step
 from crane_driver.operator.bringup.samples import Trace
 from crane_driver.operator.bringup.series import CONTROLLER, DeadBands, copy_changed, significant
+from crane_driver.operator.bringup.valves import (
+    DeadBandResult,
+    StepFit,
+    average,
+    find_polarity,
+    first_gains,
+    fit_step,
+)
 from crane_model.configuration import read_yaml
 from crane_model.errors import ConfigurationError, DataError
 

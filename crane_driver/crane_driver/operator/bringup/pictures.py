@@ -9,12 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.ndimage import gaussian_filter1d
 
-from crane_driver.operator.bringup.dead_band import DeadBandFit, DeadBandResult
-from crane_driver.operator.bringup.encoder import EncoderResult
-from crane_driver.operator.bringup.polarity import PolarityResult
-from crane_driver.operator.bringup.pressure import PressureResult
-from crane_driver.operator.bringup.response import FirstGains, StepFit
 from crane_driver.operator.bringup.samples import Trace
+from crane_driver.operator.bringup.sensors import EncoderResult, PressureResult
+from crane_driver.operator.bringup.valves import (
+    DeadBandFit,
+    DeadBandResult,
+    FirstGains,
+    PolarityResult,
+    StepFit,
+)
 
 MEASURED, FITTED, COMMAND, SOFT = "#1f5fa8", "#d1495b", "#7a8691", "#c9d1d9"
 STYLE: Any = {

@@ -5,9 +5,9 @@ from typing import TypeAlias
 
 from crane_driver.operator.bringup import motion
 from crane_driver.operator.bringup.bench import Bench
-from crane_driver.operator.bringup.dead_band import DeadBandFit, fit_dead_band
 from crane_driver.operator.bringup.motion import Mover
 from crane_driver.operator.bringup.samples import Trace
+from crane_driver.operator.bringup.valves import DeadBandFit, fit_dead_band
 from crane_model.errors import DataError
 
 DIRECTIONS = {1: "positive", -1: "negative"}

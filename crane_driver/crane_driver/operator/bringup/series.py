@@ -10,14 +10,11 @@ import yaml
 from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 
-from crane_driver.operator.bringup.dead_band import DeadBandResult
-from crane_driver.operator.bringup.encoder import EncoderResult
-from crane_driver.operator.bringup.polarity import PolarityResult
-from crane_driver.operator.bringup.pressure import PressureResult
-from crane_driver.operator.bringup.response import FirstGains
+from crane_driver.operator.bringup.sensors import EncoderResult, PressureResult
+from crane_driver.operator.bringup.valves import DeadBandResult, FirstGains, PolarityResult
 from crane_model.configuration import load
 from crane_model.errors import DataError
-from crane_model.result_file import ResultPart
+from crane_model.machine_files import ResultPart
 
 DIGITS = 6  # significant, of what is written
 

@@ -6,7 +6,8 @@ Software is no safety stop: keep the emergency stop of the machine within reach.
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -15,27 +16,107 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState, Joy
 
-from crane_driver.operator.jog.jog_parameters import HOLD, JogParameters
-from crane_driver.operator.jog.keyboard import CONTROLS, Keyboard, Request
-from crane_driver.operator.jog.motion import Demand, JogMotion
+from crane_driver.operator.jog.jog_input import (
+    CONTROLS,
+    Axis,
+    Joystick,
+    Keyboard,
+    KeyTerminal,
+    NoTerminal,
+    Request,
+)
+from crane_driver.operator.jog.motion import CommandShape, Demand, JogMotion
 from crane_driver.operator.jog.screen import Screen, StatusLine
-from crane_driver.operator.jog.terminal import KeyTerminal, NoTerminal
-from crane_driver.operator.rhythm import COMMAND_PERIOD_S
-from crane_driver.operator.wording import by_hand
+from crane_driver.operator.wording import COMMAND_PERIOD_S, by_hand
 from crane_interfaces.msg import DriverState, ValveCommand
 from crane_model.cli import command_line, run
-from crane_model.errors import CraneError
+from crane_model.errors import ConfigurationError, CraneError
 from crane_model.machine_files import machine_file
-from crane_nodes.command_line import own_arguments
-from crane_nodes.context import Stop, ros
 from crane_nodes.driver_client import DriverClient, NoDriverError
 from crane_nodes.executor import KeptExecutor
-from crane_nodes.joint_notes import load_joint_notes
-from crane_nodes.machine_parameter import MACHINE, declare_machine
+from crane_nodes.managed import Stop, own_arguments, ros, say_ready
+from crane_nodes.names import publishers
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import declare
-from crane_nodes.publishers import publishers
-from crane_nodes.ready import say_ready
+from crane_nodes.parameters import (
+    MACHINE,
+    JointNote,
+    NodeParameter,
+    Number,
+    declare,
+    declare_machine,
+    load_joint_notes,
+)
+
+# The parameters of jog.
+
+MAXIMUM = Number("maximum", 0.3, "1", 0.05, 1.0, "Spool command at step 10, or of a full axis")
+HOLD = Number("hold", 0.12, "s", 0.05, 0.15, "How long each character of a key holds its joint")
+RISE = Number("rise_time", 0.3, "s", 0.05, 5.0, "From neutral to the maximum")
+FALL = Number("fall_time", 0.03, "s", 0.01, 0.1, "From the maximum to neutral")
+# Left bumper of a game pad, as `joy_node` of ROS has it.
+DEADMAN = Number("joy.deadman", 4, "1", 0, 63, "Button to be held, counted from 0", whole=True)
+
+
+class JogParameters(NamedTuple):
+    """Those of each joint, by joint."""
+
+    dead_band: Mapping[str, Number]
+    axis: Mapping[str, Number]
+    sign: Mapping[str, Number]
+
+    @classmethod
+    def of(cls, notes: Mapping[str, JointNote]) -> "JogParameters":
+        """For the joints of a machine."""
+        dead_band, axis, sign = {}, {}, {}
+        for joint, note in notes.items():
+            dead_band[joint] = Number(
+                f"dead_band.{joint}",
+                *(0.05, "1", 0.0, 0.5),
+                f"Spool command that does not move {joint} yet",
+            )
+            axis[joint] = Number(
+                f"joy.axis.{joint}",
+                *(note.joystick_axis, "1", 0, 63),
+                f"Axis of {joint}, counted from 0",
+                whole=True,
+            )
+            sign[joint] = Number(
+                f"joy.sign.{joint}",
+                *(1, "1", -1, 1),
+                f"-1 where the axis of {joint} is reversed",
+                whole=True,
+            )
+        return cls(dead_band, axis, sign)
+
+    @property
+    def all(self) -> tuple[NodeParameter, ...]:
+        """With those that are of no joint."""
+        of_joints = (self.dead_band.values(), (DEADMAN,), self.axis.values(), self.sign.values())
+        return (MAXIMUM, HOLD, RISE, FALL, *(one for group in of_joints for one in group))
+
+    def shape(self, node: Node) -> CommandShape:
+        """How demands become commands."""
+        dead_band = {joint: parameter.read(node) for joint, parameter in self.dead_band.items()}
+        return CommandShape(MAXIMUM.read(node), dead_band, RISE.read(node), FALL.read(node))
+
+    def joystick(self, node: Node) -> Joystick:
+        """The joystick; `ConfigurationError` where one axis has two joints."""
+        axes: dict[str, Axis] = {}
+        owners: dict[int, str] = {}
+        for joint, parameter in self.axis.items():
+            index, sign = int(parameter.read(node)), int(self.sign[joint].read(node))
+            if index in owners:
+                raise ConfigurationError(
+                    f"parameter '{parameter.name}': axis {index} is that of {owners[index]} already"
+                )
+            if not sign:
+                raise ConfigurationError(
+                    f"parameter '{self.sign[joint].name}': must be -1 or 1, got 0"
+                )
+            owners[index] = joint
+            axes[joint] = Axis(index, sign)
+        return Joystick(int(DEADMAN.read(node)), axes)
+
 
 REFRESH = 0.1  # s, of the display
 CALLBACKS = 4  # in a period at most, so that commands do not wait

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from crane_driver.operator.rhythm import LONGEST_PAUSE_S
+from crane_driver.operator.wording import LONGEST_PAUSE_S
 from crane_model.errors import ConfigurationError
 
 

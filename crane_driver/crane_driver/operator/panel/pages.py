@@ -1,7 +1,47 @@
-"""Which pages are open, whether they still show what they are sent, and which are armed."""
+"""The pages that are open, which may ask, and what they ask of the driver."""
 
+import asyncio
+import hmac
+import secrets
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
+
+from rclpy.task import Future
+
+from crane_nodes.driver_client import DriverClient, NoDriverError
+
+# Who may press the buttons of the page: whoever can read the terminal that the panel runs in.
+
+ALPHABET = "abcdefghjkmnpqrstuvwxyz23456789"  # nothing that looks like something else
+GROUPS, GROUP_LENGTH = 2, 4
+WAIT_S = 1.0  # after a wrong token, for the page that gave it: another page is not held up
+
+
+def new_token() -> str:
+    """Such as `k7mq-2xhd`, at random."""
+    groups = ("".join(secrets.choice(ALPHABET) for _ in range(GROUP_LENGTH)) for _ in range(GROUPS))
+    return "-".join(groups)
+
+
+class Arming:
+    """Judges what one page gives for the `token`. Times are of the steady clock [s]."""
+
+    def __init__(self, token: str):
+        self._token = token.encode()
+        self._wait_until = 0.0
+
+    def refusal(self, given: str, now: float) -> str:
+        """Why `given` does not arm; empty if it does."""
+        if now < self._wait_until:
+            return "a wrong token was given a moment ago; wait a second, then try again"
+        if hmac.compare_digest(given.strip().lower().encode(errors="replace"), self._token):
+            return ""
+        self._wait_until = now + WAIT_S
+        return "this is not the token that the panel's terminal shows"
+
+
+# Which pages are open, whether they still show what they are sent, and which are armed.
 
 PAGE_SILENCE_S = 1.5  # a page tells of every picture that it has shown; ten of them come a second
 LOOK_PAUSE_S = 0.5  # between two looks, beyond which the panel itself was held up; ten a second
@@ -94,3 +134,72 @@ class Pages:
     def armed(self) -> int:
         """Those of them that are armed."""
         return sum(page.armed for page in self._open)
+
+
+# What pages may ask of the driver, over their live line or without one, and what it answers.
+
+STOP = "stop"  # needs no token and no live line: it only takes motion away
+ANSWER_TIMEOUT_S = 5.0  # for a page without a live line; by itself it warns after one second
+
+
+class DriverAnswer(NamedTuple):
+    """Of the driver, or for it where it cannot be asked."""
+
+    answer: str  # to which request
+    success: bool
+    message: str
+
+
+class Asking:
+    """The requests that pages have buttons for, in the thread of the event loop."""
+
+    def __init__(self, driver: DriverClient):
+        self._requests: dict[str, Callable[[], list[Future]]] = {
+            STOP: driver.stop,
+            "enable": lambda: [driver.enable()],
+            "disable": lambda: [driver.disable()],
+            "reset": lambda: [driver.reset_fault()],
+        }
+
+    def knows(self, request: str) -> bool:
+        """Whether there is a button for it."""
+        return request in self._requests
+
+    def ask(self, request: str, answered: Callable[[DriverAnswer], None]) -> int:
+        """`answered` is called with each of the answers, of which this is the number: a stop asks
+        every driver that was ever heard.
+        """
+        try:
+            futures = self._requests[request]()
+        except NoDriverError as error:
+            answered(DriverAnswer(request, False, str(error)))
+            return 1
+        for future in futures:
+            future.add_done_callback(lambda one: answered(_answer(request, one)))
+        return len(futures)
+
+    async def stop(self) -> DriverAnswer:
+        """Ask every driver to stop; one answer for all."""
+        answers: asyncio.Queue[DriverAnswer] = asyncio.Queue()
+        count = self.ask(STOP, answers.put_nowait)
+        try:
+            async with asyncio.timeout(ANSWER_TIMEOUT_S):
+                each = [await answers.get() for _ in range(count)]
+        except TimeoutError:
+            return DriverAnswer(
+                STOP,
+                False,
+                f"the driver did not answer within {ANSWER_TIMEOUT_S:g} s; use the machine's "
+                "emergency stop",
+            )
+        success = all(one.success for one in each)
+        return DriverAnswer(STOP, success, "; ".join(one.message for one in each))
+
+
+def _answer(request: str, future: Future) -> DriverAnswer:
+    if error := future.exception():  # the driver may have ended meanwhile
+        return DriverAnswer(request, False, str(error))
+    result = future.result()
+    if result is None:
+        return DriverAnswer(request, False, "the request was dropped; the driver may have ended")
+    return DriverAnswer(request, result.success, result.message)

@@ -13,21 +13,42 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-from crane_driver.operator.panel.arming import Arming, new_token
-from crane_driver.operator.panel.asking import STOP, Asking, DriverAnswer
-from crane_driver.operator.panel.crane_watch import CraneWatch, wall_clock
-from crane_driver.operator.panel.pages import Page, Pages
-from crane_driver.operator.panel.panel_parameters import ADDRESS, NAMES, PARAMETERS, PORT
-from crane_driver.operator.panel.picture import Content, plain
+from crane_driver.operator.panel.crane_watch import Content, CraneWatch, plain, wall_clock
+from crane_driver.operator.panel.pages import (
+    STOP,
+    Arming,
+    Asking,
+    DriverAnswer,
+    Page,
+    Pages,
+    new_token,
+)
 from crane_driver.operator.panel.web import Socket, listen
 from crane_model.cli import run
-from crane_nodes.command_line import check_arguments
-from crane_nodes.context import Stop, ros
 from crane_nodes.executor import KeptExecutor
-from crane_nodes.machine_parameter import MACHINE, declare_machine
+from crane_nodes.managed import Stop, check_arguments, ros, say_ready
 from crane_nodes.names import full_name
-from crane_nodes.parameters import declare
-from crane_nodes.ready import say_ready
+from crane_nodes.parameters import MACHINE, Number, Text, declare, declare_machine
+
+# The parameters of the panel.
+
+ADDRESS = Text(
+    "address",
+    "127.0.0.1",
+    "Address to listen on; 127.0.0.1: this computer alone, 0.0.0.0: every network it is in, "
+    "without encryption. At the start",
+)
+PORT = Number(
+    "port", 8060, "-", 0, 65535, "Port to listen on; 0: any that is free. At the start", whole=True
+)
+NAMES = Text(
+    "names",
+    "",
+    "Names of this computer, separated by blanks, by which browsers may ask for the page, beside "
+    "localhost and addresses in digits. At the start",
+)
+PARAMETERS = (ADDRESS, PORT, NAMES)
+
 
 WORK_PERIOD_S = 0.02
 PICTURE_PERIOD_S = 0.1

@@ -19,7 +19,7 @@ from crane_identification.diagnosis.answer.verdict import (
 from crane_identification.diagnosis.decision.decision import Decision, objection
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
 from crane_identification.diagnosis.fit.fit import Fitted
-from crane_identification.diagnosis.flow.hydraulics import Flow, Flows
+from crane_identification.diagnosis.flow.flow import Flow, Flows
 from crane_identification.diagnosis.proof.proof import Nearest, Proof, nearest
 from crane_identification.diagnosis.proof.pulsation import Pulsation
 from crane_identification.diagnosis.search.energy import (

@@ -16,7 +16,7 @@ from crane_identification.diagnosis.fit.evidence import beside, leading, normed
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.shapes import shape_of
-from crane_model.terms.drawn import DrawnTerm
+from crane_model.terms.drawn_friction import DrawnTerm
 
 FALL_SHARE = 0.05  # of the height of a shape, by which friction falls at least where it does
 LEAD_SHARE = 0.003  # of what the own family explains, that another one explains more at least

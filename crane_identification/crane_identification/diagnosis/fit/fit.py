@@ -12,13 +12,12 @@ from crane_identification.diagnosis.fit.refit import UndeterminedError, refit, r
 from crane_identification.estimation.regression import common_factor
 from crane_identification.options import Options
 from crane_identification.preparation.periodicity import periodic_part
-from crane_identification.preparation.prepare import prepare
+from crane_identification.preparation.prepare import Session, chronological, prepare, prepare_all
 from crane_identification.preparation.run import Preparation
-from crane_identification.preparation.session import Session, chronological, prepare_all
 from crane_identification.signals.decimate import KEPT_SHARE
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 from crane_model.terms import Term
 
 ENOUGH_ROWS = 60

@@ -19,7 +19,7 @@ from crane_identification.estimation.consistent import consistent
 from crane_identification.estimation.least_squares import UNSEEN
 from crane_identification.estimation.physics import physics
 from crane_identification.estimation.prior import Prior
-from crane_identification.estimation.rows import Rows, balancing, solve_weighted
+from crane_identification.estimation.regression import Rows, balancing, solve_weighted
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from crane_identification.data.units import COUNTS
+from crane_identification.data.column_map import COUNTS
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.fit.evidence import beside, gather
 from crane_identification.diagnosis.fit.fit import Training

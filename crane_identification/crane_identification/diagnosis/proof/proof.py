@@ -29,7 +29,7 @@ from crane_identification.diagnosis.search.energy import left_share
 from crane_identification.diagnosis.search.loads import with_own_loads
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.thresholds import Thresholds
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 
 class Short(NamedTuple):

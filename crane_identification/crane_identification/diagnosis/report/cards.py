@@ -13,7 +13,7 @@ from crane_identification.diagnosis.proof.extension import Finding
 from crane_identification.diagnosis.report import charts
 from crane_identification.diagnosis.report.pictures import Picture
 from crane_identification.notation import human, listed, plain, spoken
-from crane_model.terms.effect import Variable
+from crane_model.terms.term import Variable
 
 WINDOW = 25.0  # s of the held-out recording that is drawn
 WHATEVER: tuple[Variable, ...] = ("velocity",)  # shows that an effect depends on nothing

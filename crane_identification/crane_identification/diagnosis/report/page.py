@@ -11,14 +11,14 @@ from crane_identification.diagnosis import (
     wording,
 )
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.flow.hydraulics import Quantity
+from crane_identification.diagnosis.flow.flow import Quantity
 from crane_identification.diagnosis.flow_and_load_findings import of_quantity
 from crane_identification.diagnosis.report.cards import cards, drawn
 from crane_identification.diagnosis.report.pictures import gap_pictures, where_picture
 from crane_identification.notation import human, listed, percent, plain, spoken
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
-from crane_identification.report.links import PageLink, link, page_of
+from crane_identification.report.template import PageLink, link, page_of
 from crane_model.flow import FLOW_EFFECTS
 
 RESULTS = ("model.yaml", "findings.json")  # beside the page

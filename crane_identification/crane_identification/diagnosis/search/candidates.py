@@ -11,7 +11,7 @@ from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.search.loads import LOADS, Loads, heavier
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 from crane_model.terms import Effect, Setting, Shape, Term, candidates, joints_of
 
 WHOLE = "all"  # in place of a joint

@@ -15,7 +15,7 @@ import numpy as np
 from crane_identification.diagnosis.fit.evidence import Evidence, residual
 from crane_model.model_file import Model
 from crane_model.terms import Term, candidates, typical
-from crane_model.terms.load import Load
+from crane_model.terms.term import Load
 
 Loads = tuple[Load, ...]
 

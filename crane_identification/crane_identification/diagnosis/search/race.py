@@ -19,7 +19,7 @@ from crane_identification.diagnosis.search.selection import (
     larger_sets,
     solve,
 )
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined
 LARGEST_SET = 6  # effects that are sought together

@@ -16,7 +16,7 @@ from crane_identification.diagnosis.search.selection import NOTHING, Subset
 from crane_identification.diagnosis.search.shapes import Shapes
 from crane_identification.diagnosis.search.visibility import left_out, visible
 from crane_identification.diagnosis.search.whitening import Base, Whitener, whitened_base, whitener
-from crane_model.progress import Progress, silent
+from crane_model.progress_bar import Progress, silent
 
 
 @dataclass(frozen=True)

@@ -13,20 +13,89 @@ from pathlib import Path
 import numpy as np
 
 from crane_benchmark.answers import baselines
-from crane_benchmark.answers.answer_file import CRASH, AnswerStatistics, CaseAnswer
 from crane_benchmark.answers.confinement import confine
-from crane_benchmark.answers.given import given
 from crane_benchmark.folders import ANSWER, Folders, done, new
 from crane_benchmark.work import in_processes
+from crane_identification.data.bag_log import read_bag
+from crane_identification.data.log import Log
 from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.decision.chance import null_gains
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import answer
+from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.diagnosis.search.energy import strength
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds, load_thresholds
 from crane_model.errors import CraneError
-from crane_model.model_file import save_model
+from crane_model.machine_files import Number, ResultFile, ResultPart
+from crane_model.model_file import Model, load_model, save_model
+
+# answer.json: what was said of a case, by those who had its bags alone.
+
+CRASH = "crash"
+
+
+class AnswerStatistics(ResultPart):
+    """What thresholds are compared with. Scores are in units of the bootstrap quantile that is the
+    threshold.
+    """
+
+    best: float
+    """Score of the best effect, whether it is a finding or not [-]."""
+    score: float
+    """The same of those that are as strong as is asked for [-]."""
+    accepted: float
+    """The same of findings [-]."""
+    learner: float
+    """Strength of a law that the flexible learner is sure of [-]."""
+    strength: float
+    """Of that or the best [-]."""
+    floor: float
+    """Largest error over the scatter between periods [-]; 0 where none was repeated."""
+    sample_noise: float
+    """The same over what the scatter of samples and surveyed lengths account for [-]."""
+    pulsation: float
+    """Clearness of the clearest line [-]; 0 where none was asked for."""
+    flow: float
+    """Share of it that the strongest effect makes up [-]."""
+    flow_left: float
+    """Share of it that none explains [-]."""
+    promised: list[float]
+    """0 to 100 % quantiles of the best score by the bootstrap [-]."""
+
+
+class CaseAnswer(ResultFile):
+    """What was said of a case."""
+
+    verdict: str
+    """That of the findings, `insufficient_data` of recordings that are refused, or `crash`."""
+    reason: str
+    """Why, in a sentence; of a crash, where."""
+    findings: Findings | None = None
+    """Null of recordings that are refused, and of a crash."""
+    statistics: AnswerStatistics | None = None
+    """Null where there are no findings."""
+    seconds: Number = None
+    """CPU time of the diagnosis [s]."""
+    others: dict[str, list[tuple[str, str]]] = {}
+    """By method beside the diagnosis: the effects that it names, and their joints."""
+
+
+# What an answering process is given of a case: the model, and recordings of the machine.
+
+
+def given(folder: Path) -> tuple[Model, list[Log], list[Log]]:
+    """The model to diagnose, the bags to train on and those to validate on, by their names.
+
+    `CraneError` where one of them cannot be read.
+    """
+    model = load_model(folder / "model.yaml")
+    train, validate = (
+        [read_bag(bag, model.joints) for bag in sorted((folder / part).iterdir())]
+        for part in ("train", "validate")
+    )
+    return model, train, validate
+
 
 LEVELS = np.linspace(0.0, 1.0, 101)  # of the quantiles of the bootstrap
 DIGITS = 4

@@ -4,8 +4,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from crane_model.machine import Machine
-from crane_sim.effects.fault import SensorFault
-from crane_sim.effects.form import Draw, Form, Magnitude, Where
+from crane_sim.effects.form import Draw, Form, Magnitude, SensorFault, Where
 from crane_sim.effects.transducers import OneTransducer
 
 Shown = tuple[np.ndarray, np.ndarray]

@@ -10,10 +10,17 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from crane_benchmark.away.bristles import bent
 from crane_benchmark.away.hidden import PUSHING, AwayHidden
-from crane_benchmark.away.oil import MAKE_UP, edge, modulus, orifice, relaxed
-from crane_benchmark.away.parts import BRISTLE_DAMPING, AwayParts
+from crane_benchmark.away.parts import (
+    BRISTLE_DAMPING,
+    MAKE_UP,
+    AwayParts,
+    bent,
+    edge,
+    modulus,
+    orifice,
+    relaxed,
+)
 from crane_benchmark.away.pushing import beyond_dry, pushing
 from crane_benchmark.away.rubbing import Rubbed, rubbing
 from crane_model.linkages import motion

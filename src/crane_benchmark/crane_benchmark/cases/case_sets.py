@@ -7,11 +7,9 @@ from enum import StrEnum
 import numpy as np
 
 from crane_benchmark.cases.case import Case, CaseKind, EffectToHide, Site, World
-from crane_benchmark.cases.drawn import drawn, in_any_form
-from crane_benchmark.cases.joints import PLANAR_JOINTS
-from crane_benchmark.cases.motions import Richness
+from crane_benchmark.cases.drawn import drawn, field, in_any_form, stranger
+from crane_benchmark.cases.motions import PLANAR_JOINTS, Richness
 from crane_benchmark.cases.sites import LAWS
-from crane_benchmark.cases.strangers import field, stranger
 
 # rms over that of the drive force, of single effects
 STRENGTHS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)

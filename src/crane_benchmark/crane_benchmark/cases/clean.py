@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_benchmark.cases.joints import PLANAR, PLANAR_JOINTS
+from crane_benchmark.cases.motions import PLANAR, PLANAR_JOINTS
 from crane_model.record import Record
-from crane_sim.hiding.clean import Clean
-from crane_sim.hiding.slewing import SLEW
+from crane_sim.hiding.calibrate import SLEW
+from crane_sim.hiding.label import Clean
 from crane_sim.parts.parameters import load_stand_in
 
 EVERY = 4  # of the samples of a bag, that are kept

@@ -8,11 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case, EffectToHide, HiddenInRecording, Site, World
+from crane_benchmark.cases.case import (
+    TRAIN,
+    VALIDATE,
+    Case,
+    EffectToHide,
+    HiddenInRecording,
+    Site,
+    World,
+    recordings,
+)
 from crane_benchmark.cases.case_sets import CaseSet, cases, with_others
 from crane_benchmark.cases.clean import save_clean
 from crane_benchmark.cases.motions import Maker, Richness
-from crane_benchmark.cases.session import TRAIN, VALIDATE, recordings
 from crane_benchmark.cases.sites import drawn_effects, drawn_machine
 from crane_benchmark.folders import Folders, done, new, write_json
 from crane_benchmark.work import in_processes
@@ -24,7 +32,7 @@ from crane_sim.effects.form import Planted
 from crane_sim.hiding.calibrate import UnmovedError, reach
 from crane_sim.hiding.label import label
 from crane_sim.make_bag import make
-from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion
 

@@ -6,16 +6,25 @@ from enum import StrEnum
 
 import numpy as np
 
-from crane_benchmark.cases.joints import PLANAR_JOINTS
 from crane_model.errors import RangeError
-from crane_model.machine import Machine
-from crane_trajectory.motion.check import Clearance, pump_flow
-from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
+from crane_model.machine import Machine, load_machine
+from crane_trajectory.motion.check import Clearance, pump_flow, tip_room
 from crane_trajectory.motion.motion import Motion, plan
-from crane_trajectory.motion.periodic import PeriodicTrajectory
-from crane_trajectory.motion.probe import Probe
-from crane_trajectory.motion.room import tip_room
-from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
+from crane_trajectory.motion.periodic import (
+    FourierTrajectory,
+    JointCourse,
+    MotionSamples,
+    PeriodicTrajectory,
+    Probe,
+    SweepTrajectory,
+)
+
+# The joints of the laboratory crane that the benchmark is about: their pressures are measured.
+
+LABORATORY_CRANE = load_machine()
+PLANAR_JOINTS = LABORATORY_CRANE.as_planar().joints
+PLANAR = [LABORATORY_CRANE.index(joint) for joint in PLANAR_JOINTS]
+
 
 HARMONICS = 4
 ATTEMPTS = 200

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from crane_observer.position.filter import Filter
-from crane_observer.position.gaussian import KeptGaussian
-from crane_observer.position.smoother import transition
+from crane_observer.position.kalman import KeptGaussian
+from crane_observer.position.smoothing import transition
 
 SURE = 0.95
 EVERY = 10  # windows, of which one counts: errors stay for longer

@@ -10,16 +10,13 @@ import numpy as np
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.beside_aims import tell
 from crane_benchmark.observing.cycles import WorkCycles
-from crane_benchmark.observing.observer import MACHINES, identified
-from crane_benchmark.observing.positions import heard
+from crane_benchmark.observing.observer import MACHINES, heard, identified
 from crane_model import cli
-from crane_model.arguments import between, whole
 from crane_model.array import Array, Flags
+from crane_model.cli import between, whole
 from crane_model.errors import DataError
 from crane_model.machine import Machine
-from crane_observer.scale.lifts import UNWEIGHED
-from crane_observer.scale.replay import weigh
-from crane_observer.scale.scale import STANDING, WINDOW, Scale, Weighing
+from crane_observer.scale.scale import STANDING, UNWEIGHED, WINDOW, Scale, Weighing, weigh
 from crane_observer.scale.weighing import CENTRED
 from crane_sim.plant.closed_loop import REST
 

@@ -1,6 +1,9 @@
 """The machines that are observed, and recordings of them."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -8,15 +11,59 @@ import numpy as np
 from crane_benchmark.observing.cycles import LiftingPlant, WorkCycles
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
+from crane_observer.recording import HeardRecording
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
-from crane_sim.faulty.faults import Faults
 from crane_sim.hiding.calibrate import hidden_in
-from crane_sim.hiding.spec import HiddenEffect, Spec
+from crane_sim.hiding.label import HiddenEffect, Spec
 from crane_sim.parts.parameters import Edges, StandIn, load_stand_in
 from crane_sim.plant.closed_loop import SimulatedRecording, Steps, record
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.controller import Gains, load_gains
+from crane_sim.sensor_faults import Faults
+from crane_trajectory.control.pd_dead_zone import Gains, load_gains
+
+# Recordings of a machine at work, kept, so that a benchmark that was interrupted goes on.
+
+
+class HeardWork(NamedTuple):
+    """What was heard of a machine at work."""
+
+    begin: float  # s since the machine was started, where the times of `heard` count from
+    heard: HeardRecording
+
+    @property
+    def seconds(self) -> float:
+        """How long it is."""
+        return float(np.ptp(self.heard.pressure_time))
+
+
+ARRAYS = tuple(one.name for one in fields(HeardRecording))[2:]
+
+
+class KeptRecordings:
+    """In a folder, a file for each. They depend on the machine and its seeds, not on who watches;
+    several processes may make different ones.
+    """
+
+    def __init__(self, folder: Path):
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder = folder
+
+    def recording(self, name: str, made: Callable[[], HeardWork]) -> HeardWork:
+        """That of this name, made now unless it was before."""
+        file = self.folder / f"{name}.npz"
+        if not file.exists():
+            work = made()
+            unfinished = self.folder / f"{name}.unfinished.{os.getpid()}"
+            with unfinished.open("wb") as stream:
+                arrays = {key: getattr(work.heard, key) for key in ARRAYS}
+                np.savez(stream, allow_pickle=False, begin=work.begin, **arrays)
+            unfinished.replace(file)
+            return work._replace(heard=replace(work.heard, path=file))
+        with np.load(file) as kept:
+            arrays = {key: kept[key] for key in ARRAYS}
+            return HeardWork(float(kept["begin"]), HeardRecording(file, 0, **arrays))
+
 
 SHARE = 0.03  # of the drive force, of each effect that (16) lacks
 WIDTH = 0.01  # of the stroke, hysteresis of the valves
@@ -42,7 +89,7 @@ class Observed(NamedTuple):
         hung: float = 0.0,
     ) -> tuple[SimulatedRecording, np.ndarray]:
         """A recording of at least `duration` [s], and the load (n,) [kg] at each of its samples;
-        `failing`: faults as `crane_sim.faulty.faults.Faults` has them; `hung` as
+        `failing`: faults as `crane_sim.sensor_faults.Faults` has them; `hung` as
         `WorkCycles.drawn` has it.
         """
         cycles = WorkCycles.drawn(self.machine, self.stand_in.start, duration, seed, loaded, hung)

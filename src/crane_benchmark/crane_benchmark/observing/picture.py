@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from crane_benchmark.observing.failing import OTHERS
-from crane_benchmark.observing.watched import MonitorAnswer
+from crane_benchmark.observing.failing import OTHERS, MonitorAnswer
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,24 +11,26 @@ import numpy as np
 
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.beside_aims import tell
-from crane_benchmark.observing.failing import AIMS, OTHERS, FailingCase, drawn
-from crane_benchmark.observing.kept import HeardWork, KeptRecordings
-from crane_benchmark.observing.machines import Observed
-from crane_benchmark.observing.observer import MACHINES, identified
-from crane_benchmark.observing.picture import draw_curves
-from crane_benchmark.observing.watched import (
+from crane_benchmark.observing.failing import (
+    AIMS,
     BATCH,
     HOUR,
     LEARNT_FROM,
+    OTHERS,
+    FailingCase,
     MonitorAnswer,
     WatchedMachine,
     answered,
+    drawn,
     smallest,
     with_fault,
     without_fault,
 )
+from crane_benchmark.observing.machines import HeardWork, KeptRecordings, Observed
+from crane_benchmark.observing.observer import MACHINES, identified
+from crane_benchmark.observing.picture import draw_curves
 from crane_model import cli
-from crane_model.arguments import between, whole
+from crane_model.cli import between, whole
 from crane_model.model_file import Model, load_model, save_model
 from crane_model.progress_bar import progress_bar
 from crane_observer.monitor.finding import SensorFinding

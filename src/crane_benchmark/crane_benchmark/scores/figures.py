@@ -13,8 +13,7 @@ from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.cases.case_sets import STRENGTHS
 from crane_benchmark.scores.calibration import BootstrapAgreement
 from crane_benchmark.scores.judgement import OURS, Judgement
-from crane_benchmark.scores.row import CaseRow
-from crane_benchmark.scores.summary import identifiable, learnt, of_kind, power, share
+from crane_benchmark.scores.summary import CaseRow, identifiable, learnt, of_kind, power, share
 
 COLOURS = ("#1f5fa8", "#c4552d", "#3a8f5c", "#7a7a7a", "#8a5fa8")
 VERDICTS = ("unknown", "none", "insufficient_data", "crash")

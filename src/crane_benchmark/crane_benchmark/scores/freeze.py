@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from ruamel.yaml import YAML
 
-from crane_benchmark.answers.answer_file import AnswerStatistics, CaseAnswer
+from crane_benchmark.answers.answer_cases import AnswerStatistics, CaseAnswer
 from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.folders import ANSWER, Folders, done, read_json, write_json
 from crane_benchmark.scores import figures, frozen
@@ -16,7 +16,7 @@ from crane_benchmark.scores.calibration import BootstrapAgreement, agreement, to
 from crane_identification.thresholds import Gates, load_thresholds
 from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError, DataError
-from crane_model.result_file import ResultFile
+from crane_model.machine_files import ResultFile
 
 PACKAGED = packaged("crane_identification", "discrepancy.yaml")
 OPEN = {

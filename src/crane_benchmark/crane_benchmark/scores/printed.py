@@ -6,8 +6,7 @@ from rich.table import Table
 
 from crane_benchmark.cases.case import Site
 from crane_benchmark.scores.judgement import OURS, laws
-from crane_benchmark.scores.rates import Interval, Median, Rate
-from crane_benchmark.scores.summary import BenchmarkSummary
+from crane_benchmark.scores.summary import BenchmarkSummary, Interval, Median, Rate
 from crane_identification.report.terminal import plain_table
 
 PERCENT = "{:.0%}"

@@ -9,8 +9,7 @@ from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.scores.judgement import OURS
 from crane_benchmark.scores.printed import MEDIANS, TARGETS
-from crane_benchmark.scores.rates import Interval, Median, Rate
-from crane_benchmark.scores.summary import BenchmarkSummary, MethodRates
+from crane_benchmark.scores.summary import BenchmarkSummary, Interval, Median, MethodRates, Rate
 
 COMMAND = "make discrepancy-benchmark"  # of the scoring set
 OF_A_SET = "ros2 run crane_benchmark discrepancy --set {} --cases {}"

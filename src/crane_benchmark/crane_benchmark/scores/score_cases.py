@@ -10,20 +10,19 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from crane_benchmark.answers.answer_file import CaseAnswer
+from crane_benchmark.answers.answer_cases import CaseAnswer
 from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.folders import ANSWER, ROW, Folders, done, new
 from crane_benchmark.scores import figures, frozen, published
 from crane_benchmark.scores.judgement import OURS, BlindAnswer, Judgement, judge
 from crane_benchmark.scores.printed import notes, tables
-from crane_benchmark.scores.row import CaseRow, ScoredEffect
-from crane_benchmark.scores.summary import BenchmarkResults, by_site, summary
+from crane_benchmark.scores.summary import BenchmarkResults, CaseRow, ScoredEffect, by_site, summary
 from crane_benchmark.scores.truth import CaseTruth, load_truth
 from crane_benchmark.work import in_processes
 from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.diagnosis.search.loads import LOADS
 from crane_model.model_file import Model, load_model
-from crane_model.terms.load import Load
+from crane_model.terms.term import Load
 
 WIDTH = 144  # of the tables; narrower, their columns break
 NAMED = (Judgement.RIGHT, Judgement.TOO_WIDE, Judgement.PARTLY)  # where effects are named

@@ -3,13 +3,127 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from crane_benchmark.cases.case import CaseKind, Site
+import numpy as np
+from scipy.stats import binomtest, bootstrap
+
+from crane_benchmark.answers.answer_cases import AnswerStatistics
+from crane_benchmark.cases.case import CaseKind, EffectToHide, Site, Story, World
 from crane_benchmark.cases.case_sets import STRENGTHS
-from crane_benchmark.scores.judgement import AND_MORE, OURS, Judgement
-from crane_benchmark.scores.rates import Median, Rate, median, rate
-from crane_benchmark.scores.row import CaseRow
+from crane_benchmark.cases.motions import Richness
+from crane_benchmark.scores.judgement import AND_MORE, OURS, BlindAnswer, Judgement
 from crane_identification.thresholds import load_thresholds
-from crane_model.result_file import ResultFile, ResultPart
+from crane_model.machine_files import Number, NumberByJoint, ResultFile, ResultPart
+
+# Rates and medians with 95 % intervals.
+
+FEWEST = 3  # values, below which a median has no interval
+
+Interval = tuple[float, float]
+"""Both ends."""
+
+
+class Rate(ResultPart):
+    """How often something was so."""
+
+    count: int
+    """Times [-]."""
+    of: int
+    """Cases [-]."""
+    rate: Number
+    """`count` over `of` [-]; null of nothing."""
+    interval: Interval | None
+    """Wilson's, 95 % [-]."""
+
+
+class Median(ResultPart):
+    """The middle of what was measured."""
+
+    of: int
+    """Values [-]."""
+    median: Number
+    """Of the values [of the values]; null of nothing."""
+    interval: Interval | None
+    """By the bootstrap, 95 % [of the values]; null of few values."""
+
+
+def rate(hits: Sequence[bool]) -> Rate:
+    """Share of true values."""
+    count, n = int(np.sum(hits)), len(hits)
+    if n == 0:
+        return Rate(count=0, of=0, rate=None, interval=None)
+    interval = binomtest(count, n).proportion_ci(method="wilson")
+    both = float(interval.low), float(interval.high)
+    return Rate(count=count, of=n, rate=count / n, interval=both)
+
+
+def median(values: Sequence[float]) -> Median:
+    """Median of the finite values."""
+    finite = np.array([value for value in values if np.isfinite(value)])
+    if len(finite) == 0:
+        return Median(of=0, median=None, interval=None)
+    interval = None
+    if len(finite) >= FEWEST:
+        found = bootstrap(
+            (finite,), np.median, method="percentile", rng=np.random.default_rng(1)
+        ).confidence_interval
+        interval = float(found.low), float(found.high)
+    return Median(of=len(finite), median=float(np.median(finite)), interval=interval)
+
+
+# row.json: the score of a case.
+
+
+class ScoredEffect(ResultPart):
+    """What was hidden."""
+
+    wanted: EffectToHide
+    """As the case asks for it."""
+    reached: Number = None
+    """Largest strength that it had in a recording to train on [-]."""
+    visibility: Number
+    """Share of it that recordings of this kind show [-]; null where nothing says what is usual."""
+
+
+class CaseRow(ResultFile):
+    """The score of a case."""
+
+    case: str
+    """Its name."""
+    kind: CaseKind
+    """What sort of case it is."""
+    site: Site
+    """Whose machine it is."""
+    world: World
+    """Where it comes from."""
+    off: bool
+    """Whether its machine has not the lengths of its file."""
+    story: Story | None
+    """What goes on in it, of the strangers."""
+    excitation: Richness
+    """How well it is excited."""
+    hidden: list[ScoredEffect]
+    """All that was hidden."""
+    gap: NumberByJoint
+    """Error of the model on clean recordings, over the force: what could be explained [-]."""
+    above_noise: bool
+    """Whether that error is significantly above noise."""
+    outcomes: dict[str, Judgement]
+    """By method."""
+    answers: dict[str, BlindAnswer]
+    """By method."""
+    reason: str
+    """Of the diagnosis."""
+    statistics: AnswerStatistics | None
+    """Of the diagnosis."""
+    seconds: Number
+    """CPU time of the diagnosis [s]."""
+    parameter_errors: list[float]
+    """Relative, of those that mean the same in the hidden law [-]."""
+    closed: Number
+    """Share of the explainable gap that the effects close [-]; null where none is named."""
+    closed_by_learner: Number
+    """Share that the flexible learner closes [-]."""
+
 
 VISIBLE_SHARE = 0.05  # share of an effect that recordings can show, below which they do not
 

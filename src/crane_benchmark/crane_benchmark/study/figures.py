@@ -8,9 +8,9 @@ import numpy as np
 from crane_benchmark.measured import MeasuredRow, of_joints
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_trajectory.excitation.merit import information, one_period, relative_std_devs
-from crane_trajectory.excitation.settings import load_design_settings
-from crane_trajectory.motion.fourier import FourierTrajectory
+from crane_trajectory.excitation.criterion import information, one_period, relative_std_devs
+from crane_trajectory.excitation.limits import load_design_settings
+from crane_trajectory.motion.periodic import FourierTrajectory
 
 COMMAND = "make study"
 SHOWN = (1, 2, 3)  # trajectories, beside all of them

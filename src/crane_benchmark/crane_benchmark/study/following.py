@@ -19,11 +19,10 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import write_bag
 from crane_sim.parts.parameters import load_stand_in
-from crane_sim.plant.closed_loop import REST, SimulatedRecording, record
-from crane_sim.plant.late_plant import LatePlant, mean_delay
+from crane_sim.plant.closed_loop import REST, LatePlant, SimulatedRecording, mean_delay, record
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
-from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import load_trajectory

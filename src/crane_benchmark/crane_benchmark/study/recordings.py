@@ -12,7 +12,7 @@ from pathlib import Path
 from ament_index_python.packages import get_package_prefix
 
 from crane_model.configuration import load
-from crane_trajectory.motion.fourier import FourierTrajectory
+from crane_trajectory.motion.periodic import FourierTrajectory
 
 Advance = Callable[[], object]
 

@@ -8,7 +8,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from crane_model.actuators.actuator import REGISTRY, Actuator, actuator_from_mapping
-from crane_model.actuators.hydraulic import CylinderActuator, HydraulicActuator
+from crane_model.actuators.cylinders import CylinderActuator, HydraulicActuator
 from crane_model.registry import load_installed
 
 __all__ = [

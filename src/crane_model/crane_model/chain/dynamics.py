@@ -6,15 +6,77 @@ simulation.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from crane_model.array import Array
-from crane_model.chain.motion import BodyMotion, set_motion, workspace
-from crane_model.chain.pose import set_frames
-from crane_model.chain.serial_chain import SerialChain
-from crane_model.chain.vectors import ZERO, Vector, add, cross, dot, row, scaled, turned
+from crane_model.chain.serial_chain import (
+    ZERO,
+    SerialChain,
+    Vector,
+    add,
+    cross,
+    dot,
+    put,
+    row,
+    scaled,
+    set_frames,
+    turned,
+    turned_back,
+)
+
+# How the bodies of a chain turn and accelerate: the outward pass of Newton and Euler.
+
+
+class BodyMotion(NamedTuple):
+    """Of m bodies, each in its own frame; a workspace that compiled code fills."""
+
+    rotation: Array  # (m, 3, 3) in the frame of the body before
+    origin: Array  # (m, 3) in the frame of the body before
+    spin: Array  # (m, 3) angular velocity
+    turning: Array  # (m, 3) angular acceleration
+    rise: Array  # (m, 3) acceleration of the origin less that of gravity
+
+
+@njit(cache=True)
+def workspace(bodies: int) -> BodyMotion:
+    """For so many bodies."""
+    return BodyMotion(
+        np.empty((bodies, 3, 3)),
+        np.empty((bodies, 3)),
+        np.empty((bodies, 3)),
+        np.empty((bodies, 3)),
+        np.empty((bodies, 3)),
+    )
+
+
+@njit(cache=True)
+def set_motion(chain: SerialChain, q: Array, v: Array, a: Array, out: BodyMotion) -> None:
+    """The motion of all bodies at coordinates, velocities and accelerations (j,) each.
+
+    Luh, Walker and Paul (1980), in the frames of the bodies.
+    """
+    set_frames(chain, q, out.rotation, out.origin)
+    w, turning = ZERO, ZERO
+    rise = (-chain.gravity[0], -chain.gravity[1], -chain.gravity[2])
+    for i in range(len(chain.ratio)):
+        j, ratio = chain.leader[i], chain.ratio[i]
+        p, axis = row(out.origin, i), row(chain.axis, i)
+        speed, push = scaled(ratio * v[j], axis), scaled(ratio * a[j], axis)
+        carried = add(rise, add(cross(turning, p), cross(w, cross(w, p))))
+        w = turned_back(out.rotation, i, w)
+        turning = turned_back(out.rotation, i, turning)
+        rise = turned_back(out.rotation, i, carried)
+        if chain.slides[i]:
+            rise = add(rise, add(push, scaled(2.0, cross(w, speed))))
+        else:
+            turning = add(turning, add(push, cross(w, speed)))
+            w = add(w, speed)
+        put(out.spin, i, w)
+        put(out.turning, i, turning)
+        put(out.rise, i, rise)
 
 
 @njit(cache=True)
@@ -211,3 +273,29 @@ def _accelerate(chain: SerialChain, bodies: Array, q: Array, v: Array, force: Ar
     for n in range(len(q)):
         if not set_acceleration(chain, bodies, q[n], v[n], moving, mass, force[n]):
             force[n] = np.nan
+
+
+# Loads at the tip as bodies of the chain: see `crane_model.chain.dynamics` for the ten numbers.
+
+
+def tip_bodies(chain: SerialChain) -> Array:
+    """(2, m, 10): 1 kg at the tip; 1 kg m about it, along the line from the last joint to the tip.
+
+    A load m whose centre lies c beyond the tip is m times the first and m c times the second.
+    """
+    tip = chain.tip_translation
+    reach = float(np.linalg.norm(tip))
+    along = tip / reach if reach else chain.axis[-1]
+    bodies = np.zeros((2, len(chain.axis), 10))
+    bodies[0, -1] = _body(1.0, tip, np.outer(tip, tip))
+    bodies[1, -1] = _body(0.0, along, np.outer(tip, along) + np.outer(along, tip))
+    return bodies
+
+
+def _body(mass: float, moment: Array, second: Array) -> Array:
+    """(10,) from the mass, the first moment (3,) and the second (3, 3) about the link's origin."""
+    inertia = np.trace(second) * np.eye(3) - second
+    return np.array(
+        [mass, *moment, inertia[0, 0], inertia[0, 1], inertia[1, 1], inertia[0, 2], inertia[1, 2],
+         inertia[2, 2]]
+    )  # fmt: skip

@@ -9,11 +9,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from crane_model.array import Array
-from crane_model.chain.dynamics import inertia_times
-from crane_model.chain.motion import BodyMotion, set_motion, workspace
-from crane_model.chain.serial_chain import SerialChain
-from crane_model.chain.vectors import (
+from crane_model.chain.dynamics import BodyMotion, inertia_times, set_motion, workspace
+from crane_model.chain.serial_chain import (
     ZERO,
+    SerialChain,
     Vector,
     add,
     cross,

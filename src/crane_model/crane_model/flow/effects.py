@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from crane_model.terms.effect import Effect
+from crane_model.terms.term import Effect
 
 
 class FlowEffect(NamedTuple):

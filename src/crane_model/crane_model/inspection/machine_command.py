@@ -5,9 +5,8 @@ from pathlib import Path
 
 from crane_model import cli
 from crane_model.array import Array
-from crane_model.inspection.findings import findings, reached
+from crane_model.inspection.findings import findings, reached, table
 from crane_model.inspection.picture import picture
-from crane_model.inspection.travel import table
 from crane_model.machine import Machine, load_machine
 from crane_model.urdf_reading import (
     LinkBody,

@@ -8,9 +8,8 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, model_validator
 
 from crane_model.actuators import Actuator, actuator_from_mapping
-from crane_model.angle import Angle, Direction
 from crane_model.array import Array
-from crane_model.configuration import Positive, Schema
+from crane_model.configuration import Angle, Direction, Positive, Schema
 from crane_model.frames import about, denavit_hartenberg, placement
 
 Vector = tuple[float, float, float]

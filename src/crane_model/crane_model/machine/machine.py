@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -13,12 +13,67 @@ from crane_model.array import Array
 from crane_model.chain.serial_chain import SerialChain
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine.by_joint import ByJoint
-from crane_model.machine.coupling import Coupling
 from crane_model.machine.joint import JointLimits, MachineJoint, Origin, Vector
-from crane_model.machine.old_format import what_to_write
 from crane_model.machine.planar import WEIGHED, PlanarCrane, planar_crane
 from crane_model.machine_files import machine_file
+
+# A table of a machine with an entry for each of its joints, or for those that have one.
+
+Entry = TypeVar("Entry")
+
+
+class ByJoint(dict[str, Entry]):
+    """Entries by joint; `RangeError` names the joints that there are where one is not."""
+
+    def __init__(self, machine: str, what: str, entries: Mapping[str, Entry | None]):
+        """`what` the entries are, for the message."""
+        super().__init__({joint: one for joint, one in entries.items() if one is not None})
+        self._told = f"{machine}: {{}} has no {what}; there are those of {', '.join(self)}"
+
+    def __missing__(self, joint: str) -> Entry:
+        raise RangeError(self._told.format(f"'{joint}'"))
+
+
+# Joints whose actuators drive several of them at once, as the hollow wrist of a robot.
+
+
+class Coupling(Schema):
+    """The actuators of k `joints` see `matrix` q, (k, k), in the place of q.
+
+    By virtual work, their torques act on the joints by the transpose.
+    """
+
+    joints: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+    @model_validator(mode="after")
+    def _square(self) -> Self:
+        k = len(self.joints)
+        if len(self.matrix) != k or any(len(row) != k for row in self.matrix):
+            raise ValueError(f"matrix: must have {k} rows of {k} numbers, as many as joints")
+        if abs(np.linalg.det(np.array(self.matrix))) < 1e-9:
+            raise ValueError("matrix: must not be singular; some motion moves no actuator")
+        return self
+
+
+# What to write in the place of a machine file that knows one crane only.
+
+_OLD = ("denavit_hartenberg", "limits", "inner_boom_linkage", "outer_boom_linkage", "cylinders")
+
+
+def what_to_write(content: Any) -> str:
+    """How the keys of the old format are called now; empty for a file that has none of them."""
+    found = [key for key in _OLD if isinstance(content, dict) and key in content]
+    if not found or "joints" in content:
+        return ""
+    return (
+        f"{', '.join(found)}: an older kind of machine file; write a list `joints:` now, from the "
+        "base to the tip, each with `name`, `kind` (revolute or prismatic), `dh` (its row of "
+        "Table 1: theta, d, a, alpha), `limits` (as before) and `actuator` (`type` with the areas "
+        "and lengths of its cylinder and the constants of its linkage), as in machine.yaml of the "
+        "laboratory crane"
+    )
+
 
 Gravity = Annotated[
     Annotated[Positive, Tag("<number>")] | Annotated[Vector, Tag("<vector>")],

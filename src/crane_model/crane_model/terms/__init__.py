@@ -7,14 +7,28 @@ other packages, which fills the registry: a new effect is one new class, registe
 from importlib import import_module
 from pkgutil import iter_modules
 
-from crane_model.terms.catalogue import candidates, joints_of, nuisances, strangers, typical
-from crane_model.terms.drawn import DRAWING, DrawnTerm
-from crane_model.terms.effect import DrawnCurve, Effect, Shape
-from crane_model.terms.installed import load_installed
-from crane_model.terms.joint_term import JointTerm, OneJointTerm
-from crane_model.terms.memory_term import JointMemoryTerm, MemoryTerm
-from crane_model.terms.own import load_terms
-from crane_model.terms.term import REGISTRY, Family, Parameter, Setting, Term, term_from_mapping
+from crane_model.terms.catalogue import (
+    candidates,
+    joints_of,
+    load_installed,
+    load_terms,
+    nuisances,
+    strangers,
+    typical,
+)
+from crane_model.terms.drawn_friction import DRAWING, DrawnTerm
+from crane_model.terms.joint_term import JointMemoryTerm, JointTerm, MemoryTerm, OneJointTerm
+from crane_model.terms.term import (
+    REGISTRY,
+    DrawnCurve,
+    Effect,
+    Family,
+    Parameter,
+    Setting,
+    Shape,
+    Term,
+    term_from_mapping,
+)
 
 __all__ = [
     "DRAWING",

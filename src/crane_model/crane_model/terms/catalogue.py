@@ -1,9 +1,60 @@
 """The candidates for what a model lacks: every term of the registry that names an effect."""
 
+import sys
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
+from crane_model import registry
 from crane_model.errors import ConfigurationError
 from crane_model.terms.term import REGISTRY, Setting, Term
+
+# Terms of other packages, found by their entry points.
+
+GROUP = "crane_model.terms"
+
+
+def load_installed() -> tuple[type[Term], ...]:
+    """Register the terms of every installed package with an entry point of `GROUP`."""
+    return registry.load_installed(GROUP, REGISTRY, "a term")
+
+
+# Terms of one's own, out of a Python file.
+
+
+def load_terms(path: Path | str) -> tuple[type[Term], ...]:
+    """Register the terms that a Python file defines, for model files, and as candidates.
+
+    The file is imported under its name, and its folder stays on the path, so that other processes
+    import it, too. `ConfigurationError` if it cannot be, defines none, or takes a type that exists.
+    """
+    path = Path(path).resolve()
+    if path.suffix != ".py" or not path.is_file():
+        raise ConfigurationError(f"{path}: no such Python file (.py); check the path")
+    before = dict(REGISTRY)
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    try:
+        module = import_module(path.stem)
+    except Exception as error:  # whatever stands in the file
+        raise ConfigurationError(f"{path}: {type(error).__name__}: {error}") from error
+    if module.__file__ is None or Path(module.__file__).resolve() != path:
+        raise ConfigurationError(
+            f"{path}: '{path.stem}' is also the name of {module.__file__ or 'a module of Python'}; "
+            "rename the file"
+        )
+    taken = [name for name, term in before.items() if REGISTRY[name] is not term]
+    REGISTRY.update(before)
+    if taken:
+        raise ConfigurationError(
+            f"{path}: there is a term of type '{taken[0]}' already; choose another type"
+        )
+    terms = tuple(term for term in REGISTRY.values() if term.__module__ == path.stem)
+    if not terms:
+        raise ConfigurationError(
+            f"{path}: defines no term; derive a class from crane_model.terms.JointTerm"
+        )
+    return terms
 
 
 def candidates(setting: Setting) -> list[type[Term]]:

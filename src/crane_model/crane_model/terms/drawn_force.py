@@ -8,11 +8,9 @@ from pydantic import Field
 
 from crane_model.array import Array, Flags
 from crane_model.record import Record
-from crane_model.terms.drawn import DrawnTerm
-from crane_model.terms.effect import Variable
-from crane_model.terms.joint_term import OneJointTerm
-from crane_model.terms.memory_term import MemoryTerm
-from crane_model.terms.term import Family, Parameter, Setting
+from crane_model.terms.drawn_friction import DrawnTerm
+from crane_model.terms.joint_term import MemoryTerm, OneJointTerm
+from crane_model.terms.term import Family, Parameter, Setting, Variable
 
 
 class DrawnPositionForce(DrawnTerm):

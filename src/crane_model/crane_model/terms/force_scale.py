@@ -17,10 +17,9 @@ from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.chambers import cylinder_machine
-from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
-from crane_model.terms.term import Family, Parameter, Setting
+from crane_model.terms.term import Effect, Family, Parameter, Setting
 
 USUAL_SCALE = 0.005  # that a survey of pins and transducers of class 0.5 % leave
 LARGEST_SCALE = 0.7  # a transducer taken for one of the next range, as 250 for 400 bar, makes 0.6

@@ -8,9 +8,8 @@ from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.record import Record
-from crane_model.terms.effect import Shape
 from crane_model.terms.joint_term import OneJointTerm
-from crane_model.terms.term import Family, Parameter, Setting
+from crane_model.terms.term import Family, Parameter, Setting, Shape
 
 
 class VelocityLag(OneJointTerm):

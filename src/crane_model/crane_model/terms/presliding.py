@@ -1,4 +1,4 @@
-"""Friction before a joint slides: its force builds up over a small displacement."""
+"""Friction and play with a memory: presliding, breakaway, stick and slip, backlash."""
 
 import math
 from typing import ClassVar, Literal
@@ -10,9 +10,10 @@ from typing_extensions import override
 
 from crane_model.array import Array, Flags
 from crane_model.record import Record
-from crane_model.terms.effect import Effect, Shape
-from crane_model.terms.memory_term import JointMemoryTerm
-from crane_model.terms.term import Family, Parameter, Setting
+from crane_model.terms.joint_term import JointMemoryTerm, MemoryTerm, OneJointTerm
+from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape
+
+# Friction before a joint slides: its force builds up over a small displacement.
 
 
 class Presliding(JointMemoryTerm):
@@ -84,4 +85,234 @@ def _traced(way: Array, first: Flags) -> Array:
     for k in range(1, len(way)):
         if not first[k]:
             z[k] = _slid(z[k - 1], way[k])
+    return z
+
+
+# Breakaway: friction that grows while a joint stands and gives way once it slides.
+
+
+class Stiction(JointMemoryTerm):
+    """f_b w sgn(q'): stiction beyond (10), with w' = (1 - w)/dwell at rest and w' = -w|q'|/travel.
+
+    A joint that stands for some `dwell` [s] holds f_b more than Coulomb friction; sliding over
+    `travel` [rad or m] takes it away. A run begins at w = 1: the machine has stood before it.
+    """
+
+    type: Literal["stiction"] = "stiction"
+    family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "stiction",
+        "a peak of friction when a joint starts after it stood, and at no other time",
+        ("stribeck",),
+        "starts from rest after dwells of different lengths",
+        follows=("way since it turned",),
+    )
+    shapes: ClassVar[dict[str, Shape]] = {
+        "travel": Shape(3e-4, 3e-2, "rad or m", 7, "displacement over which it gives way"),
+        "dwell": Shape(0.2, 5.0, "s", 3, "time at rest in which it grows"),
+    }
+
+    travel: float = Field(gt=0)
+    dwell: float = Field(gt=0)
+
+    @override
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        return Parameter("f_b", force, 0.0, "friction at breakaway beyond Coulomb friction")
+
+    def start(self, record: Record, setting: Setting) -> Array:
+        """w = 1."""
+        return np.ones((len(record), 1))
+
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
+        """Exact for a step at rest or in one direction."""
+        j = before.column(self.joint)
+        way = (after.position[:, j] - before.position[:, j]) / self.travel
+        rest = (after.time - before.time) / self.dwell
+        stands = (before.direction[:, j] == 0.0) & (after.direction[:, j] == 0.0)
+        return _stiction_advanced(states[:, 0], way, rest, stands)[:, np.newaxis]
+
+    def column(self, states: Array, record: Record, j: int) -> Array:
+        """w sgn(q')."""
+        return states[:, 0] * record.direction[:, j]
+
+    def trace(self, record: Record, setting: Setting) -> Array:
+        """As `advance` from sample to sample, compiled."""
+        j = record.column(self.joint)
+        q, still = record.position[:, j], record.direction[:, j] == 0.0
+        way = np.diff(q, prepend=q[:1]) / self.travel
+        rest = np.diff(record.time, prepend=record.time[:1]) / self.dwell
+        stands = still & np.roll(still, 1)
+        return _stiction_traced(way, rest, stands, record.first_of_run)[:, np.newaxis]
+
+
+@njit(cache=True)
+def _grown(w: float, way: float, rest: float, stands: bool) -> float:
+    """w after a way and a time in units of travel and dwell."""
+    if stands:
+        return 1.0 + (w - 1.0) * math.exp(-rest)
+    return w * math.exp(-abs(way))
+
+
+@njit(cache=True)
+def _stiction_advanced(w: Array, way: Array, rest: Array, stands: Flags) -> Array:
+    out = np.empty_like(w)
+    for n in range(len(w)):
+        out[n] = _grown(w[n], way[n], rest[n], stands[n])
+    return out
+
+
+@njit(cache=True)
+def _stiction_traced(way: Array, rest: Array, stands: Flags, first: Flags) -> Array:
+    w = np.ones(len(way))
+    for k in range(1, len(way)):
+        if not first[k]:
+            w[k] = _grown(w[k - 1], way[k], rest[k], stands[k])
+    return w
+
+
+# Hysteresis as several elements side by side that stick and slip.
+
+SHARES = np.array([1 / 9, 1 / 3, 1.0])  # slip displacement of each element, per `travel`
+
+
+class MaxwellSlip(MemoryTerm, OneJointTerm):
+    """sum_i W_i z_i, z_i' = q'/d_i while |z_i| < 1 or it unloads: Maxwell slip (Iwan, GMS).
+
+    Three springs k_i = W_i/d_i that slip at W_i, d_i = `travel` times 1/9, 1/3 and 1 [rad or m]:
+    nested loops with the memory of turning points. A run begins relaxed, z = 0.
+    """
+
+    type: Literal["maxwell_slip"] = "maxwell_slip"
+    family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "Maxwell slip",
+        "nested loops against displacement that remember the turning points",
+        ("stribeck", "presliding", "backlash"),
+        "small slow strokes of several lengths about one position",
+        kin=("presliding",),
+        follows=("way since it turned",),
+    )
+    shapes: ClassVar[dict[str, Shape]] = {
+        "travel": Shape(1e-3, 5e-2, "rad or m", 7, "displacement at which the last element slips")
+    }
+
+    travel: float = Field(gt=0)
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """W_1, W_2, W_3."""
+        force = setting.force_unit(self.joint)
+        return tuple(
+            Parameter(f"W_{i + 1}", force, 0.0, f"force at which element {i + 1} slips")
+            for i in range(len(SHARES))
+        )
+
+    def start(self, record: Record, setting: Setting) -> Array:
+        """z = 0."""
+        return np.zeros((len(record), len(SHARES)))
+
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
+        """Exact for a step in one direction."""
+        j = before.column(self.joint)
+        way = (after.position[:, j] - before.position[:, j]) / self.travel
+        moved: Array = np.clip(states + way[:, np.newaxis] / SHARES, -1.0, 1.0)
+        return moved
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """z (n, 3)."""
+        return self.states(record, setting)
+
+    def trace(self, record: Record, setting: Setting) -> Array:
+        """As `advance` from sample to sample, compiled."""
+        q = record.position[:, record.column(self.joint)]
+        return _slip_traced(np.diff(q, prepend=q[:1]) / self.travel, SHARES, record.first_of_run)
+
+
+@njit(cache=True)
+def _slip_traced(way: Array, shares: Array, first: Flags) -> Array:
+    z = np.zeros((len(way), len(shares)))
+    for k in range(1, len(way)):
+        if not first[k]:
+            for i in range(len(shares)):
+                z[k, i] = min(1.0, max(-1.0, z[k - 1, i] + way[k] / shares[i]))
+    return z
+
+
+# Play between a cylinder and its joint.
+
+
+class Backlash(JointMemoryTerm):
+    """f_g (z - c)/2, c = sgn(tau), z' = 2 c|q'|/clearance until z = c: load not yet taken up.
+
+    z in [-1, 1] is where a pin stands in its clearance. After the load has reversed, the joint
+    moves by `clearance` [rad or m] until the pin is seated again; on the way the drive lacks the
+    force f_g on the new side. A run begins seated.
+    """
+
+    type: Literal["backlash"] = "backlash"
+    family: ClassVar[Family] = "elasticity"
+    effect: ClassVar[Effect] = Effect(
+        "backlash",
+        "force is missing over a short displacement after the load, not the speed, reverses",
+        ("presliding", "maxwell_slip"),
+        "slow strokes with a load that does not reverse, then with one that does",
+        follows=("force",),
+    )
+    shapes: ClassVar[dict[str, Shape]] = {
+        "clearance": Shape(5e-4, 2e-2, "rad or m", 7, "motion of the joint across the clearance")
+    }
+
+    clearance: float = Field(gt=0)
+
+    @override
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        return Parameter("f_g", force, 0.0, "force that is missing until the clearance is crossed")
+
+    def start(self, record: Record, setting: Setting) -> Array:
+        """Seated on the side of the load."""
+        return np.sign(self._load(record))[:, np.newaxis]
+
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
+        """Towards the side of the load at the end of the step."""
+        j = before.column(self.joint)
+        way = 2.0 * (after.position[:, j] - before.position[:, j]) / self.clearance
+        return _play_advanced(states[:, 0], way, self._load(after))[:, np.newaxis]
+
+    def column(self, states: Array, record: Record, j: int) -> Array:
+        """(z - c)/2; 0 without load."""
+        load = self._load(record)
+        return np.where(load == 0.0, 0.0, (states[:, 0] - np.sign(load)) / 2.0)
+
+    def trace(self, record: Record, setting: Setting) -> Array:
+        """As `advance` from sample to sample, compiled."""
+        q = record.position[:, record.column(self.joint)]
+        way = 2.0 * np.diff(q, prepend=q[:1]) / self.clearance
+        return _play_traced(way, self._load(record), record.first_of_run)[:, np.newaxis]
+
+    def _load(self, record: Record) -> Array:
+        return self.needed(record, "force")[:, record.column(self.joint)]
+
+
+@njit(cache=True)
+def _crossed(z: float, way: float, load: float) -> float:
+    """z after a way in units of half the clearance, under a load."""
+    if load == 0.0:
+        return z
+    side = 1.0 if load > 0.0 else -1.0
+    return z + min(abs(way), max(-abs(way), side - z))
+
+
+@njit(cache=True)
+def _play_advanced(z: Array, way: Array, load: Array) -> Array:
+    out = np.empty_like(z)
+    for n in range(len(z)):
+        out[n] = _crossed(z[n], way[n], load[n])
+    return out
+
+
+@njit(cache=True)
+def _play_traced(way: Array, load: Array, first: Flags) -> Array:
+    z = np.sign(load)
+    for k in range(1, len(way)):
+        if not first[k]:
+            z[k] = _crossed(z[k - 1], way[k], load[k])
     return z

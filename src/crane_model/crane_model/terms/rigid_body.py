@@ -1,16 +1,21 @@
 """Rigid-body terms."""
 
+from functools import lru_cache
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from crane_model.array import Array
 from crane_model.base_parameters import lagrangian_from_standard, standard_from_chain
-from crane_model.dynamics import Geometry, fill_base_regressor
-from crane_model.dynamics_slopes import pull_back
+from crane_model.dynamics import Geometry, fill_base_regressor, pull_back
+from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine
+from crane_model.motion_columns import MotionColumn, MotionQuantity
 from crane_model.record import Record
-from crane_model.terms.planar import planar_columns, planar_machine
-from crane_model.terms.term import Family, Parameter, Setting, Term
+from crane_model.terms.chambers import lever_and_slope
+from crane_model.terms.gravity_and_load import planar_columns, planar_machine
+from crane_model.terms.joint_term import MotionTerm, OneJointTerm
+from crane_model.terms.term import Effect, Family, Parameter, Setting, Term
 
 
 class PlanarRigidBody(Term):
@@ -109,3 +114,97 @@ LAGRANGIAN = (
     ),
 )
 """Those of `crane_model.dynamics`: the base set where that moment does not follow from the mass."""
+
+
+# Rotors that turn fast behind a gear.
+
+
+class RotorInertia(MotionTerm):
+    """I n a'': the rotor of a drive turns by a = n q, with n its gear ratio.
+
+    Where a coupling makes several joints turn the rotor, it acts on all of them. That the rotor is
+    carried along, the gyroscopic part, is left out: it has no gear to multiply it.
+    """
+
+    type: Literal["rotor_inertia"] = "rotor_inertia"
+    family: ClassVar[Family] = "rigid body"
+    effect: ClassVar[Effect] = Effect(
+        "inertia of a rotor",
+        "force with the acceleration of its own joint only",
+        (),
+        "fast motion of one joint at a time",
+        follows=("acceleration",),
+    )
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """I of the rotor itself."""
+        machine = self._machine(setting)
+        if lacking := machine.seen_by(self.joint).keys() - setting.units.keys():
+            raise ConfigurationError(
+                f"term '{self.type}': the rotor of '{self.joint}' also turns with "
+                f"{', '.join(sorted(lacking))}, which the model lacks"
+            )
+        return (Parameter("I_rotor", "kg m2", 0.0, "inertia of the rotor of the drive"),)
+
+    def motion_columns(self, setting: Setting) -> tuple[MotionColumn, ...]:
+        """On the rows of all joints that turn the rotor."""
+        return _columns(self._machine(setting), self.joint)
+
+    def _machine(self, setting: Setting) -> Machine:
+        machine = setting.machine
+        if machine is None or self.joint not in machine.rotors:
+            known = "the model has none" if machine is None else f"it has {_listed(machine)}"
+            raise ConfigurationError(
+                f"term '{self.type}': needs a machine with a motor at joint '{self.joint}'; {known}"
+            )
+        return machine
+
+
+@lru_cache(maxsize=64)
+def _columns(machine: Machine, joint: str) -> tuple[MotionColumn, ...]:
+    seen = machine.seen_by(joint)
+    gear: float = machine.cylinder(joint, np.zeros(1))[0, 1]
+    return tuple(
+        MotionColumn(row, 0, MotionQuantity.ACCELERATION, turning, gear**2 * own * share)
+        for row, own in seen.items()
+        for turning, share in seen.items()
+    )
+
+
+def _listed(machine: Machine) -> str:
+    return ", ".join(machine.rotors) or "no motor"
+
+
+# Inertia of the drive itself.
+
+
+class ActuatorInertia(OneJointTerm):
+    """m x'' dx/dq: piston, rod and oil of mass m move by x(q) of (20), (24).
+
+    x'' = dx/dq q'' + d2x/dq2 q'^2; without a machine x = q, and m is an inertia of the joint.
+    """
+
+    type: Literal["actuator_inertia"] = "actuator_inertia"
+    family: ClassVar[Family] = "rigid body"
+    effect: ClassVar[Effect] = Effect(
+        "inertia of the actuator",
+        "force with the acceleration of its own joint only",
+        ("time_skew", "boom_flexibility"),
+        "fast motion of one joint at a time; on the inner boom only the weight of the drive",
+        follows=("acceleration",),
+    )
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """m; `ConfigurationError` for a motor, whose rotor has an inertia and no mass."""
+        if setting.machine is not None and self.joint in setting.machine.rotors:
+            raise ConfigurationError(
+                f"term '{self.type}': a motor drives '{self.joint}': use the term 'rotor_inertia'"
+            )
+        rotary = setting.machine is None and setting.units[self.joint] == "rad"
+        unit = "kg m2" if rotary else "kg"
+        return (Parameter("m_drive", unit, 0.0, "mass that moves with the piston"),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """x'' dx/dq."""
+        arm, slope = lever_and_slope(setting, self.joint, record)
+        return arm * (arm * record.acceleration[:, j] + slope * record.velocity[:, j] ** 2)

@@ -17,12 +17,73 @@ from crane_model.terms.chambers import (
     lever,
     lever_and_slope,
 )
-from crane_model.terms.effect import Effect, Shape
-from crane_model.terms.filtered_reading import led
+from crane_model.terms.drawn_friction import DrawnTerm
 from crane_model.terms.force_scale import LARGEST_SCALE, USUAL_SCALE, ForceScale, OfBodies
+from crane_model.terms.gravity_and_load import planar_machine
 from crane_model.terms.joint_term import OneJointTerm
-from crane_model.terms.planar import planar_machine
-from crane_model.terms.term import Family, Parameter, Setting
+from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape, Variable
+
+# What transducers show of a force that they follow through some filter, whatever its form.
+
+LEADS = (-0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # s
+
+
+class FilteredReading(DrawnTerm):
+    """sum_k w_k (F(t + lead_k) - F(t)) dx/dq: transducers behind a linear filter of any form (18).
+
+    The machine felt F(t) + sum_k w_k (F(t + lead_k) - F(t)): all of a constant force, which tells
+    a filter from a gain. A reading that is late shows at later instants what the machine felt, so
+    that most weights are of leads; one of early pressures has weights of leads below zero. The
+    knots are the leads [s].
+    """
+
+    type: Literal["filtered_reading"] = "filtered_reading"
+    family: ClassVar[Family] = "sensing"
+    said: ClassVar[str] = "a force that follows the change of the measured force"
+    draws: ClassVar[tuple[str, ...]] = ("time_skew",)
+    variable: ClassVar[Variable] = "lead"
+    spacing: ClassVar[tuple[float, ...]] = LEADS
+    kept: ClassVar[tuple[int, ...]] = tuple(k for k, lead in enumerate(LEADS) if lead)
+    times: ClassVar[tuple[str, ...]] = ("F(t + lead) - F(t)",)
+
+    knots: tuple[float, ...] = Field(examples=[LEADS])
+
+    @classmethod
+    def over(cls, x: Array) -> tuple[float, ...]:
+        """The leads, whatever the force."""
+        return LEADS
+
+    @classmethod
+    def followed(cls, record: Record, j: int) -> Array:
+        """tau."""
+        return record.needed("force", "a shape of a filter")[:, j]
+
+    def factors(self, record: Record, setting: Setting, j: int) -> Array:
+        """1."""
+        return np.ones((len(record), 1))
+
+    def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
+        """One."""
+        meaning = f"weight of what is shown {self.knots[k]:g} s later"
+        return (Parameter(f"w_lead_{k + 1}", "1", None, meaning),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """(F(t + lead) - F(t)) dx/dq: (n, leads)."""
+        arm = lever(setting, self.joint, record)
+        leads = [self.knots[k] for k in self.kept]
+        columns: Array = np.stack([led(self, record, arm, lead) for lead in leads], axis=1)
+        return columns
+
+
+def led(term: OneJointTerm, record: Record, arm: Array, lead: float) -> Array:
+    """(F(t + lead) - F(t)) dx/dq (n,) on the joint of a term, whose lever `arm` (n,) is dx/dq."""
+    j = record.column(term.joint)
+    force = term.needed(record, "force")[:, j]
+    if record.force_at is not None:
+        later: Array = record.force_at(lead)[:, j] - force
+        return later
+    return arm * (record.shifted(force / arm, lead) - force / arm)
+
 
 STEP = 1e-4  # rad, of the difference with respect to an angle
 
@@ -220,3 +281,171 @@ class TimeSkew(OneJointTerm):
         if record.force_rate is not None:
             return -record.force_rate[:, j]
         return -arm * record.rate(self.needed(record, "force")[:, j] / arm)
+
+
+# Transducers that drift while the machine is on, as they do when they warm up or age.
+#
+# Time counts from the first recording of a session, where stamps tell.
+
+
+class PressureDrift(OneJointTerm):
+    """dp t A_A dx/dq: a transducer of chamber A whose zero drifts by dp a second (18), (19).
+
+    One of chamber B that drifts by -dp A_A/A_B looks the same.
+    """
+
+    type: Literal["pressure_drift"] = "pressure_drift"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "drift of a pressure transducer",
+        "a force of the cylinder that grows with the time since the start, whatever the motion",
+        ("pressure_offset", "chamber_gain_drift"),
+        "readings of the transducers at zero pressure, of a cold and of a warm machine",
+        law_of="pressure_offset",
+        follows=("time", "position"),
+    )
+
+    @override
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        cylinder_machine(self, setting, self.joint)
+        meaning = "drift of the reading of the transducer of chamber A at 0 Pa"
+        return (Parameter("dp_drift", "Pa/s", None, meaning),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """t A_A dx/dq."""
+        offset = PressureOffset(joint=self.joint).joint_columns(record, setting, j)
+        return offset * record.time
+
+
+class ChamberGainDrift(ForceScale):
+    """gain t (tau + A_B p_B dx/dq): a transducer of chamber A whose gain drifts with time (19)."""
+
+    type: Literal["chamber_gain_drift"] = "chamber_gain_drift"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "drifting gain of a pressure transducer",
+        "force in proportion to the pressure of chamber A and to the time since the start",
+        ("chamber_a_gain", "chamber_gain", "pressure_drift"),
+        "both transducers beside a reference, of a cold and of a warm machine",
+        law_of="chamber_gain",
+        follows=("time", "pressure of chamber B", "force"),
+    )
+
+    @override
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        cylinder_machine(self, setting, self.joint)
+        meaning = "drift of the share by which the pressure of chamber A is measured too large"
+        return (Parameter("gain_A_drift", "1/s", None, meaning),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """t (tau + A_B p_B dx/dq)."""
+        gain = ChamberAGain(joint=self.joint, bodies=self.bodies)
+        return gain.joint_columns(record, setting, j) * record.time
+
+
+# What transducers show of pressure without being in proportion to their own: of no effect.
+
+REFERENCE = 1e7  # Pa, at which the parameters of a bend say what it is
+
+
+class BentReading(OneJointTerm):
+    """(bend_A A_A p_A^2 - bend_B A_B p_B^2) dx/dq / 10 MPa: transducers whose reading bends (19).
+
+    A gain is a straight line. The bend has none of its own: both lines together are the measured
+    force, which explains itself.
+    """
+
+    type: Literal["bent_reading"] = "bent_reading"
+    family: ClassVar[Family] = "sensing"
+    stranger: ClassVar[str] = "a force that bends with the pressure of a chamber"
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """One of each chamber."""
+        cylinder_machine(self, setting, self.joint)
+        return tuple(
+            Parameter(
+                f"bend_{chamber}",
+                "1",
+                None,
+                f"share by which the pressure of chamber {chamber} is measured too large at 10 MPa",
+            )
+            for chamber in "AB"
+        )
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """A p^2 dx/dq / 10 MPa of both chambers (n, 2)."""
+        forces = chamber_forces(self, record, setting, self.joint) * [1.0, -1.0]
+        pressures = [self.needed(record, name)[:, j] for name in ("pressure_a", "pressure_b")]
+        return forces * np.stack(pressures, axis=1) / REFERENCE
+
+
+class CurvedReadingOfA(OneJointTerm):
+    """(curve p_A^2/10 MPa + twist p_A^3/(10 MPa)^2) A_A dx/dq (19): a reading that bends.
+
+    Either way, of one chamber: those of both come close to two lines, which are the measured force.
+    """
+
+    type: Literal["curved_reading_a"] = "curved_reading_a"
+    family: ClassVar[Family] = "sensing"
+    stranger: ClassVar[str] = "a force that bends with the pressure of chamber A"
+    chamber: ClassVar[Literal["A", "B"]] = "A"
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """Of the square and of the cube."""
+        cylinder_machine(self, setting, self.joint)
+        meaning = f"of chamber {self.chamber}, share by which 10 MPa are measured too large"
+        return (
+            Parameter(f"curve_{self.chamber}", "1", None, f"{meaning}, as its square"),
+            Parameter(f"twist_{self.chamber}", "1", None, f"{meaning}, as its cube"),
+        )
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """Those of the square and of the cube (n, 2); of chamber B against the force."""
+        side = "AB".index(self.chamber)
+        force = chamber_forces(self, record, setting, self.joint)[:, side] * (1.0, -1.0)[side]
+        ratio = self.needed(record, ("pressure_a", "pressure_b")[side])[:, j] / REFERENCE
+        columns: Array = np.stack([force * ratio, force * ratio**2], axis=1)
+        return columns
+
+
+class CurvedReadingOfB(CurvedReadingOfA):
+    """-(curve p_B^2/10 MPa + twist p_B^3/(10 MPa)^2) A_B dx/dq: that of the other chamber (19)."""
+
+    type: Literal["curved_reading_b"] = "curved_reading_b"  # type: ignore[assignment]
+    stranger: ClassVar[str] = "a force that bends with the pressure of chamber B"
+    chamber: ClassVar[Literal["A", "B"]] = "B"
+
+
+class OtherPressures(OneJointTerm):
+    """share_k p_k A_A dx/dq (19): a transducer that picks up the chambers k of other joints."""
+
+    type: Literal["other_pressures"] = "other_pressures"
+    family: ClassVar[Family] = "sensing"
+    stranger: ClassVar[str] = "a force that follows the pressures of another joint's cylinder"
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """One of each chamber of each other cylinder."""
+        return tuple(
+            Parameter(
+                f"share_{chamber}_{joint}",
+                "1",
+                None,
+                f"share of the pressure of chamber {chamber} of {joint} that chamber A shows",
+            )
+            for joint in self._others(setting)
+            for chamber in "AB"
+        )
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """p_k A_A dx/dq (n, chambers)."""
+        machine = cylinder_machine(self, setting, self.joint)
+        columns = [record.column(joint) for joint in self._others(setting)]
+        pressures = [self.needed(record, name)[:, columns] for name in ("pressure_a", "pressure_b")]
+        arm = lever(setting, self.joint, record) * machine.cylinders[self.joint].area_a
+        heard: Array = np.stack(pressures, axis=2).reshape(len(record), -1) * arm[:, np.newaxis]
+        return heard
+
+    def _others(self, setting: Setting) -> list[str]:
+        """The other joints of the model that have a cylinder."""
+        machine = cylinder_machine(self, setting, self.joint)
+        return [one for one in setting.units if one in machine.cylinders and one != self.joint]

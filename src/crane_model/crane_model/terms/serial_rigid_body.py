@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 from typing_extensions import override
 
 from crane_model.array import Array
-from crane_model.base_parameters import lagrangian_from_standard, standard_from_chain
-from crane_model.base_set import ALONG, BaseSet, base_set
+from crane_model.base_parameters import (
+    ALONG,
+    BaseSet,
+    base_set,
+    lagrangian_from_standard,
+    standard_from_chain,
+)
 from crane_model.chain import PER_BODY, fill_regressor, pull_back
 from crane_model.chain.serial_chain import SerialChain
 from crane_model.dynamics import Geometry

@@ -8,9 +8,8 @@ from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.motion_columns import MotionQuantity
 from crane_model.record import Record
-from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import OneJointTerm, ProportionalTerm
-from crane_model.terms.term import Family, Parameter, Setting
+from crane_model.terms.term import Effect, Family, Parameter, Setting
 
 
 class Inertia(ProportionalTerm):

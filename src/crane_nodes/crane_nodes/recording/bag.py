@@ -6,24 +6,203 @@ checksums; here a flush ends the chunk, files follow one another, every chunk ha
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import yaml
 from mcap.writer import CompressionType, Writer
+from rosbags.interfaces import Nodetype, Qos
+from rosbags.rosbag2.metadata import dump_qos_v9
+from rosbags.typesys import get_types_from_msg
+from rosbags.typesys.store import Typestore
 
+from crane_bags.types import typestore
 from crane_model.errors import DataError
-from crane_nodes.recording.metadata import (
-    FileSummary,
-    RecordedTopic,
-    dump,
-    dump_qos,
-    metadata,
-)
+
+# Message definitions as bags carry them, of every interface package that is installed.
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What a bag keeps of a message type, so that it can be read where the type is unknown."""
+
+    encoding: str  # "ros2msg" or "ros2idl"
+    text: str  # with the text of every type in it
+    type_hash: str  # RIHS01_...; empty where unknown
+
+
+@cache
+def installed_definition(msgtype: str) -> Definition:
+    """The definition of `pkg/msg/Type` as installed on this machine.
+
+    `DataError` if there is none: the package is not installed, or the type is no message.
+    """
+    store = typestore()
+    _complete(store, msgtype)
+    text, _ = store.generate_msgdef(msgtype, ros_version=2)
+    return Definition("ros2msg", text, store.hash_rihs01(msgtype))
+
+
+def message_class(msgtype: str) -> Any:
+    """The Python class of `pkg/msg/Type`; `DataError` if it is not installed."""
+    package, _, name = msgtype.partition("/msg/")
+    try:
+        return getattr(import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError):
+        raise _absent(msgtype) from None
+
+
+@cache
+def hash_of(msgtype: str, encoding: str, text: str) -> str:
+    """Type hash of a definition that came without one; empty where its text does not give it."""
+    if encoding != "ros2msg":
+        return ""
+    try:
+        store = Typestore()
+        store.register(get_types_from_msg(text, msgtype))
+        return store.hash_rihs01(msgtype)
+    except Exception:  # the text is whatever stands in somebody's bag
+        return ""
+
+
+def _complete(store: Typestore, msgtype: str) -> None:
+    """Add a type, and the types it is made of, from the .msg files of the ament index."""
+    if msgtype in store.fielddefs:
+        return
+    types = get_types_from_msg(_text(msgtype), msgtype)
+    for _, description in types[msgtype][1]:
+        for name in _names(description):
+            _complete(store, name)
+    store.register(types)
+
+
+def _names(description: Any) -> list[str]:
+    """Message types in the description of a field: itself, or what it is an array of."""
+    kind, inner = description
+    if kind == Nodetype.NAME:
+        return [inner]
+    return [] if kind == Nodetype.BASE else _names(inner[0])
+
+
+def _text(msgtype: str) -> str:
+    package, _, name = msgtype.partition("/msg/")
+    try:
+        from ament_index_python.packages import get_package_share_path  # absent without ROS
+
+        share = get_package_share_path(package, print_warning=False)
+        return (share / "msg" / f"{name}.msg").read_text("utf-8")
+    except (ImportError, LookupError, ValueError, OSError):
+        raise _absent(msgtype) from None
+
+
+def _absent(msgtype: str) -> DataError:
+    return DataError(
+        f"message type {msgtype} is not installed; build its package and source its environment "
+        "file"
+    )
+
+
+# metadata.yaml of a bag folder, version 9, as rosbag2 and rosbags read it.
+
+VERSION = 9
+NEVER = 2**63 - 1  # start of a bag without messages
+
+
+@dataclass(frozen=True)
+class RecordedTopic:
+    """A topic as a bag states it; `offered_qos` are the profiles of its publishers."""
+
+    name: str
+    msgtype: str
+    definition: Definition
+    offered_qos: tuple[Qos, ...]
+    serialization_format: str = "cdr"
+
+
+@dataclass
+class FileSummary:
+    """What one storage file holds."""
+
+    name: str
+    start: int = NEVER  # ns, log time
+    end: int = 0  # ns
+    count: int = 0
+
+    def add(self, log_time: int) -> None:
+        """Count a message received at `log_time` [ns]."""
+        self.start = min(self.start, log_time)
+        self.end = max(self.end, log_time)
+        self.count += 1
+
+
+def dump_qos(profiles: Sequence[Qos]) -> str:
+    """Profiles as text, as they stand in a storage file."""
+    return yaml.safe_dump(dump_qos_v9(list(profiles)), sort_keys=False).strip() if profiles else ""
+
+
+def metadata(
+    files: Sequence[FileSummary],
+    topics: Sequence[RecordedTopic],
+    counts: Sequence[int],
+    remarks: Mapping[str, str],
+) -> dict[str, Any]:
+    """The content of metadata.yaml; `counts` are the messages of each topic."""
+    start = min(file.start for file in files)
+    end = max(file.end for file in files)
+    return {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        "duration": _duration(start, end),
+        "starting_time": _time(start),
+        "message_count": sum(counts),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.msgtype,
+                    "serialization_format": topic.serialization_format,
+                    "offered_qos_profiles": dump_qos_v9(list(topic.offered_qos)),
+                    "type_description_hash": topic.definition.type_hash,
+                },
+                "message_count": count,
+            }
+            for topic, count in zip(topics, counts, strict=True)
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [
+            {
+                "path": file.name,
+                "starting_time": _time(file.start),
+                "duration": _duration(file.start, file.end),
+                "message_count": file.count,
+            }
+            for file in files
+        ],
+        "custom_data": dict(remarks) or None,
+        "ros_distro": "jazzy",
+    }
+
+
+def dump(content: dict[str, Any]) -> str:
+    """Text of metadata.yaml."""
+    return yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
+
+
+def _time(nanoseconds: int) -> dict[str, int]:
+    return {"nanoseconds_since_epoch": nanoseconds}
+
+
+def _duration(start: int, end: int) -> dict[str, int]:
+    return {"nanoseconds": max(0, end - start)}
+
 
 RECORD = 31 + 16  # bytes that mcap adds to a message: its record, and its place in the index
 

@@ -10,13 +10,10 @@ from rosbags.rosbag2 import Reader
 
 from crane_bags.clocks import NANOSECONDS
 from crane_bags.storage import open_bag
-from crane_model.arguments import above
-from crane_model.cli import command_line, run
+from crane_model.cli import above, command_line, run
 from crane_model.progress_bar import BAR, progress_bar
-from crane_nodes.command_line import own_arguments
-from crane_nodes.context import ros
-from crane_nodes.recording.playback import Selection, schedule, select
-from crane_nodes.recording.player_node import Player
+from crane_nodes.managed import own_arguments, ros
+from crane_nodes.recording.player_node import Player, Selection, schedule, select
 
 SECONDS = "{desc}: {n:.1f} of {total:.1f} s" + BAR
 

@@ -1,4 +1,7 @@
-"""Between rclpy and the parts of the recorder and the player that know nothing of it."""
+"""Between rclpy and the recorder and player: messages and quality of service."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import (
@@ -11,7 +14,54 @@ from rosbags.interfaces import (
 )
 
 from crane_bags.clocks import NANOSECONDS
-from crane_nodes.recording.qos import Service
+
+# Quality of service: what to ask of publishers, and what to offer in their place.
+
+DEPTH = 1000  # messages that may wait: 5 s at 200 Hz
+
+
+@dataclass(frozen=True)
+class Service:
+    """The policies that decide who hears whom, and how many messages are kept."""
+
+    reliable: bool
+    latched: bool  # transient local
+    depth: int
+
+    def __str__(self) -> str:
+        words = ["reliable" if self.reliable else "best effort", *["latched"] * self.latched]
+        return ", ".join(words)
+
+    def hears(self, offered: Qos) -> bool:
+        """Whether a subscription that asks for this receives from such a publisher."""
+        reliable = offered.reliability != QosReliability.BEST_EFFORT
+        return (reliable or not self.reliable) and (_latched(offered) or not self.latched)
+
+
+def request(offered: Sequence[Qos]) -> Service:
+    """The most that every one of the publishers fulfils, as `ros2 bag record` asks for it."""
+    return Service(
+        reliable=all(one.reliability != QosReliability.BEST_EFFORT for one in offered),
+        latched=all(_latched(one) for one in offered),
+        depth=DEPTH,
+    )
+
+
+def offer(recorded: Sequence[Qos]) -> Service:
+    """What one publisher offers in the place of the recorded ones: to all who heard those.
+
+    A latched topic keeps as many messages as its publishers kept together; discovery does not
+    tell the depth of a history (it is 0 in recordings), then one each.
+    """
+    latched = [max(one.depth, 1) for one in recorded if _latched(one)]
+    return Service(reliable=True, latched=bool(latched), depth=sum(latched) or DEPTH)
+
+
+def _latched(offered: Qos) -> bool:
+    return offered.durability == QosDurability.TRANSIENT_LOCAL
+
+
+# Between rclpy and the parts of the recorder and the player that know nothing of it.
 
 
 def profile(service: Service) -> QoSProfile:

@@ -25,17 +25,16 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.cylinders import cylinder_length, lever_arm
 from crane_model.errors import DataError
-from crane_model.hydraulics.stepping import Circuit, chamber_volumes
+from crane_model.hydraulics.stepping import TRANSITION, Circuit, chamber_volumes, roots
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of, identified
-from crane_observer.monitor.faint import slopes_of_liars
-from crane_observer.monitor.supply_line import FEEDING, SupplyLine
 from crane_observer.position.flow import (
     DROP_A,
     DROP_B,
     EDGE_A,
     EDGE_B,
+    FAINT,
     FAINT_A,
     FAINT_B,
     FLOW_A,
@@ -54,6 +53,74 @@ from crane_observer.position.flow import (
     add_interval,
     spools_of,
 )
+
+# Oil that was pressed back into the supply line, and stands there until it is drawn.
+#
+# A load that comes or goes lifts the pressure of a chamber beyond that of the supply. Where the
+# valve is open to it, oil flows back; the check valve of the pump keeps it in the line, which
+# stands above p_0 by as much as it took. From then on the pump delivers nothing, and the line
+# follows no droop, until as much was drawn again. How much came back is not told by flows: a
+# chamber may be beyond what its transducer can show, and what passes an edge that hardly opens is
+# not known. So whenever the line is above p_0 while nothing is drawn, it may be as full as its
+# relief valve lets it; a transducer that shows too much is told from that by what it shows once so
+# much was drawn.
+
+FEEDING = 1e4  # Pa that the supply droops
+MOST = 1e4  # Pa s that a line holds: what is drawn in a second by which it droops by FEEDING
+
+
+class SupplyLine:
+    """Volumes are told by the droop that they would make in a second, Pa s: so a pump that delivers
+    more, which droops less, has the larger line. What is in it at first is not known.
+    """
+
+    def __init__(self) -> None:
+        self._surplus = MOST
+
+    def add(self, droop: float, above: float, span: float) -> bool:
+        """Whether there may be a surplus in a block of `span` [s] in which joints let the supply
+        droop by `droop` [Pa], 0 where that is not known, and it was `above` p_0 [Pa] in the mean.
+        """
+        before = self._surplus
+        if above + droop <= 0.0:  # the pump holds it
+            self._surplus = 0.0
+        elif droop > FEEDING:
+            self._surplus = max(before - droop * span, 0.0)
+        else:
+            self._surplus = MOST
+        return before > 0.0
+
+
+# What a piston tells of an open edge with next to no drop: how far off its transducers are.
+#
+# The flow over it is hardly known, but grows with the root r of the drop. So the way that the
+# piston went asks for a drop d_E, by W r(d_E), where W r(d) is what it goes by a drop of d. If that
+# is further from the drop that is shown than zeros and noise are, a transducer lies.
+
+OFF = 1e5  # Pa, by which zeros and noise of two transducers may be off
+
+
+def slopes_of_liars(
+    missed: Array, wide: Array, from_supply: Flags, drop: Array
+) -> tuple[Array, Flags]:
+    """How far pistons go for 1 Pa that a chamber shows too much, in the mean over the error by
+    which it lies [m/Pa], and where it lies over next to no `drop` [Pa]; all of one shape.
+
+    They went `missed` [m] further than by these drops; `wide` is W [m/Pa^0.5], 0 of an edge that
+    was shut.
+    """
+    error = error_of_drop(missed, wide, drop) * np.where(from_supply, -1.0, 1.0)
+    lies = (drop < FAINT) & (np.abs(error) > OFF)
+    return np.divide(missed, error, out=np.zeros_like(missed), where=lies), lies
+
+
+def error_of_drop(missed: Array, wide: Array, drop: Array) -> Array:
+    """d - d_E [Pa], NaN of an edge that was shut; see `slopes_of_liars`."""
+    asked = roots(drop) + missed / np.where(wide == 0.0, np.nan, wide)
+    fourth = asked**4
+    square = 0.5 * (fourth + np.sqrt(fourth**2 + 4.0 * fourth * TRANSITION**2))
+    return np.asarray(drop - np.copysign(np.sqrt(square), asked))
+
 
 BLOCK = 0.05  # s; of sensors read at 200 Hz ten samples
 LEAST_APART = 5e-3  # s, of samples at the highest rate

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_observer.monitor.allowed import within
-from crane_observer.monitor.history import History
+from crane_observer.monitor.history import History, within
 from crane_observer.monitor.signatures import COVERED, SUPPLY, FaultSpan, Part, Wrong, signatures
 
 ONSETS = 16  # that are tried at first, and between the best and its neighbours

@@ -1,12 +1,19 @@
-"""What single readings tell: values that never change, noise that grew, chambers changed over."""
+"""Single readings: jumps, noise, values that stand still; whatever is known of the machine."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from crane_model.array import Array, Flags
+from crane_observer.monitor.blocks import LONGEST, SHOWN, Sample
+from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.signatures import COVERED, SUPPLY, Part, Wrong
+from crane_observer.position.flow import FULL
+
+# What single readings tell: values that never change, noise that grew, chambers changed over.
 
 LOOKED = 60  # samples, 0.3 s at 200 Hz
 PINNED = 400  # samples, 2 s: longer than a load that swings keeps a chamber beyond what is shown
@@ -122,3 +129,179 @@ def _note(
             last[k, i] = last[k - 1, i]
         last[0, i] = shown[i]
     return 1
+
+
+# Encoders that jump: one step between two readings that no piston can have gone.
+
+BESIDE = 6  # steps before and behind one, that tell how fast the joint moves
+BEYOND = 5.0  # times what the largest of them is off, of a jump
+ROUNDED = 12.0**-0.5  # of a step, that rounding is off
+NOTHING = 1e-9  # rad, m: what numbers round
+GAP = 0.1  # s between two readings, behind which all begins anew
+STEPS = 8.0  # of the encoder, at least
+
+
+class JumpWatch:
+    """Of s encoders. A step is judged once as many have come behind it as are looked at before it:
+    noise, and a stamp or a reading that is late, show in their neighbours, too.
+    """
+
+    def __init__(self, sensors: int):
+        self._time = np.full(2 * BESIDE + 2, -np.inf)
+        self._shown = np.full((2 * BESIDE + 2, sensors), np.nan)
+        self._step = np.full(sensors, np.inf)
+        self.size = np.zeros(sensors)  # (s,) rad, m: the last jump since `forget`; 0: none
+        self.deviation = np.zeros(sensors)  # (s,) of the size
+        self.at = np.zeros(sensors)  # (s,) s
+
+    def forget(self) -> None:
+        """Those that were told."""
+        self.size[:] = 0.0
+
+    def add(self, time: float, shown: Array) -> None:
+        """Readings (s,) of one time [s]; those that are no numbers, or of no later time, do not
+        count.
+        """
+        if not np.isfinite(shown).all() or time <= self._time[-1]:
+            return
+        if time - self._time[-1] > GAP:
+            self._shown[:] = np.nan
+        self._time[:-1], self._shown[:-1] = self._time[1:], self._shown[1:]
+        self._time[-1], self._shown[-1] = time, shown
+        _judge(self._time, self._shown, self._step, self.size, self.deviation, self.at)
+
+
+@njit(cache=True, error_model="numpy")
+def _judge(
+    time: Array, shown: Array, least: Array, size: Array, deviation: Array, at: Array
+) -> None:
+    """Put a jump of the middle step, of readings (n, s), into `size`, `deviation` and `at` (s,);
+    `least` (s,) is what each encoder resolves: the smallest difference of two steps of it.
+    """
+    lasting = time[1:] - time[:-1]
+    for i in range(shown.shape[1]):
+        steps = shown[1:, i] - shown[:-1, i]
+        more = abs(steps[-1] - steps[-2])
+        if NOTHING < more < least[i]:
+            least[i] = more
+        if not np.isfinite(steps[0]):
+            continue
+        off = steps - lasting * np.median(steps / lasting)
+        jump, others = off[BESIDE], np.abs(np.delete(off, BESIDE))
+        stays = 0.5 < np.sum(off) / jump < 1.5  # what a stamp does, its neighbours take back
+        if stays and abs(jump) > max(BEYOND * others.max(), STEPS * least[i]):
+            size[i] = jump
+            deviation[i] = max(np.sqrt(np.mean(others**2)), least[i] * ROUNDED)
+            at[i] = time[BESIDE + 1]
+
+
+# Joints that stand though oil must flow: what tells a stuck encoder where no flow is known.
+#
+# A valve that is open passes oil as long as the supply is above the pressures of both chambers,
+# and the piston goes; against a stop, or a load that is too heavy, the chamber that is fed comes up
+# to the supply. So either the encoder does not show the motion, or the valve does not open.
+
+OPEN = 0.3  # of the largest command, beyond the dead bands of all valves
+LEFT = 1e6  # Pa of the supply above either chamber
+LASTING = 0.3  # s
+
+
+class StandingWatch:
+    """Of j joints."""
+
+    def __init__(self, joints: int):
+        self._shown = np.full(joints, np.nan)
+        self._time = -np.inf
+        self.since = np.full(joints, np.inf)  # (j,) s, from when each stands so
+
+    def add(self, sample: Sample, command: Array) -> None:
+        """While `command` (j,) -1..1 is in force; behind a gap all begins anew."""
+        left = sample.supply - np.maximum(sample.chamber_a, sample.chamber_b)
+        stands = (sample.position == self._shown) & (np.abs(command) > OPEN) & (left > LEFT)
+        stands &= sample.time - self._time < LONGEST
+        self.since = np.where(stands, np.minimum(self.since, self._time), np.inf)
+        self._time, self._shown = sample.time, sample.position
+
+    @property
+    def standing(self) -> Flags:
+        """(j,) whether each has stood so for long enough."""
+        return np.asarray(self._time - self.since > LASTING)
+
+
+# What readings alone tell, whatever is known of the machine: jumps, noise, values that stay.
+
+
+class ReadingWatch:
+    """Of encoders, chambers A and chambers B of j joints, and of the supply, in this order."""
+
+    def __init__(self, joints: Sequence[str], units: Sequence[str]):
+        """`units` (j,) of the encoders: rad or m."""
+        parts = (Part.ENCODER, Part.PRESSURE_A, Part.PRESSURE_B)
+        self.sensors = [(part, joint) for part in parts for joint in joints]
+        self.sensors.append((Part.SUPPLY, SUPPLY))
+        self._units, count = tuple(units), len(joints)
+        full = FULL * SHOWN
+        self._habits = (
+            ReadingHabits(count), ReadingHabits(2 * count, full), ReadingHabits(1, full)
+        )  # fmt: skip
+        self._jumps = JumpWatch(count)
+        self._period, self._last = 0.0, 0.0
+
+    def read_encoders(self, time: float, position: Array) -> None:
+        """(j,) as they were read [s]: between two readings there is no noise to be seen."""
+        self._habits[0].add(position)
+        self._jumps.add(time, position)
+
+    def read_pressures(
+        self, time: float, chamber_a: Array, chamber_b: Array, supply: float
+    ) -> None:
+        """(j,) (j,) Pa, and the supply, as they were read [s]."""
+        self._habits[1].add(np.concatenate([chamber_a, chamber_b]))
+        self._habits[2].add(np.array([supply]))
+        self._period, self._last = time - self._last, time
+
+    @property
+    def noisy_now(self) -> Flags:
+        """(s,) see `ReadingHabits`."""
+        return np.concatenate([one.noisy_now for one in self._habits])
+
+    @property
+    def repeated(self) -> Array:
+        """(s,) how many times the last reading was repeated."""
+        return np.concatenate([one.repeated for one in self._habits])
+
+    def found(self, time: float) -> list[SensorFinding]:
+        """What is wrong by now [s]."""
+        stuck, noisy = (
+            np.concatenate([one.stuck for one in self._habits]),
+            np.concatenate([one.noisy for one in self._habits]),
+        )
+        found = self._jumped(time)
+        for k, (part, _) in enumerate(self.sensors):
+            frozen = bool(stuck[k]) and part is not Part.ENCODER  # at rest an encoder is quiet
+            if frozen or noisy[k]:
+                found.append(self.noise(k, time, frozen))
+        return found
+
+    def noise(self, sensor: int, time: float, frozen: bool = False) -> SensorFinding:
+        """That it is noisy, or `frozen`."""
+        part, joint = self.sensors[sensor]
+        size = float(np.concatenate([one.noise for one in self._habits])[sensor])
+        unit = self._units[sensor] if part is Part.ENCODER else "Pa"
+        kind, unit = (Wrong.STUCK, "") if frozen else (Wrong.NOISE, unit)
+        begun = time - LOOKED * self._period
+        return SensorFinding(part, joint, kind, unit, size, 0.7 * size, 1.3 * size, begun, time)
+
+    def _jumped(self, time: float) -> list[SensorFinding]:
+        found, jumps = [], self._jumps
+        for j in np.flatnonzero(jumps.size).tolist():
+            part, joint = self.sensors[j]
+            size, spread = float(jumps.size[j]), COVERED * float(jumps.deviation[j])
+            found.append(
+                SensorFinding(
+                    part, joint, Wrong.JUMP, self._units[j], size, size - spread, size + spread,
+                    float(jumps.at[j]), time,
+                )
+            )  # fmt: skip
+        jumps.forget()
+        return found

@@ -19,6 +19,7 @@ An alarm takes more of it than `level`, which is what a machine without a fault 
 (`apart`).
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,11 +28,37 @@ from scipy.optimize import linprog
 from crane_model.array import Array
 from crane_model.configuration import NonNegative, Positive, Schema
 from crane_model.errors import DataError
-from crane_observer.monitor.allowed import SPANS, grown, taken
-from crane_observer.monitor.apart import level
 from crane_observer.monitor.blocks import BLOCK
-from crane_observer.monitor.history import Sums
-from crane_observer.monitor.trim import TERMS, fitted
+from crane_observer.monitor.history import SPANS, TERMS, Sums, fitted, grown, taken
+
+# How large a statistic gets once in a long time, told from the windows of a short one.
+#
+# What exceeds a high threshold is distributed exponentially beyond it (the generalized Pareto law
+# of shape 0, to which the maxima of most distributions come: Pickands 1975), so that once in N
+# windows it exceeds
+#
+#     u + m log(N s)
+#
+# with s the share of windows above the threshold u, and m their mean excess over it.
+
+ABOVE = 0.2  # share of the windows that is called high
+FEWEST = 10  # windows that tell a mean excess
+
+
+def level(largest: Array, windows: float) -> float:
+    """What a statistic exceeds once in `windows`, told from the largest (n,) in each of n.
+
+    `ValueError` unless there is one.
+    """
+    if not len(largest):
+        raise ValueError("level: no window to tell it from; at least one is wanted")
+    high = min(max(round(ABOVE * len(largest)), FEWEST), len(largest))
+    ordered = np.sort(largest)
+    above = ordered[-high:]
+    threshold = ordered[-high - 1] if high < len(ordered) else ordered[0]
+    rate = high / len(largest)
+    return float(threshold + np.mean(above - threshold) * max(math.log(windows * rate), 0.0))
+
 
 ROOM = 1.5  # over the largest that was ever seen
 LEAST = 4e-5, 1e-3, 1e4, 1e-6, 5e-4, 0.2  # m, of the way, Pa, m/s, s, of the play: at least

@@ -1,24 +1,173 @@
 """What the managed nodes of this package have in common: lifecycle, queues, a report a second."""
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
+import numpy as np
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
 
-from crane_bags.clocks import TimeBack
+from crane_bags.clocks import NANOSECONDS, TimeBack
+from crane_interfaces.msg import PositionEstimate, SensorFindings, TipLoad
+from crane_model.array import Array
 from crane_model.errors import CraneError
-from crane_nodes.machine_parameter import MACHINE
-from crane_nodes.managed import AUTOSTART
+from crane_nodes.managed import AUTOSTART, say_ready
 from crane_nodes.names import full_name
-from crane_nodes.node_time import NodeTime, Pacing, tell_back
-from crane_nodes.parameters import NodeParameter, declare, hold
+from crane_nodes.node_time import NodeTime, Pacing, nanoseconds, stamp_of, tell_back
+from crane_nodes.parameters import MACHINE, NodeParameter, declare, hold
 from crane_nodes.polled import Polled
-from crane_nodes.ready import say_ready
-from crane_nodes.stamps import nanoseconds
-from crane_observer.node.topics import report_message
+from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.signatures import Part
+from crane_observer.position.sensor import Told
+from crane_observer.scale.scale import Weighing
+
+# Messages of several topics in the order of their stamps, whatever delay each topic has.
+
+M = TypeVar("M")
+LONGEST = 100_000_000  # ns, that one topic is waited for when others have gone on, unless told
+
+
+class Stamped(NamedTuple, Generic[M]):
+    """A message, its stamp [ns] and the place of its topic."""
+
+    stamp: int
+    topic: int
+    message: M
+
+
+class InOrder(Generic[M]):
+    """Holds messages back until every topic that talks has come as far, or is late by `longest` ns.
+
+    A valve command that arrives a moment after the pressures that it made is so put before them.
+    """
+
+    def __init__(self, longest: int = LONGEST) -> None:
+        self._longest = longest
+        self._held: list[Stamped[M]] = []
+        self._newest: dict[int, int] = {}  # ns, by topic
+
+    def add(self, stamp: int, topic: int, message: M) -> None:
+        """It has come."""
+        self._held.append(Stamped(stamp, topic, message))
+        self._newest[topic] = max(stamp, self._newest.get(topic, stamp))
+
+    def take(self) -> list[Stamped[M]]:
+        """Those whose turn it is, the oldest first."""
+        if not self._held:
+            return []
+        latest = max(self._newest.values())
+        talking = [newest for newest in self._newest.values() if latest - newest < self._longest]
+        until = min(talking)
+        self._held.sort(key=lambda one: one[:2])
+        count = sum(one.stamp <= until for one in self._held)
+        taken, self._held = self._held[:count], self._held[count:]
+        return taken
+
+
+# Topics of the observers: names, qualities, from messages to readings and back.
+
+JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
+OUTPUTS = "valve_output"
+DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+
+
+def report_message(found: DiagnosticStatus, stamp: Time) -> DiagnosticArray:
+    """What a node says of itself."""
+    message = DiagnosticArray(status=[found])
+    message.header.stamp = stamp
+    return message
+
+
+def picked(joints: Sequence[str], names: Sequence[str], values: Sequence[float]) -> Array:
+    """(j,) of `values`, one a name; NaN of joints that are not named."""
+    given = dict(zip(names, values, strict=False))
+    return np.array([given.get(joint, np.nan) for joint in joints], dtype=float)
+
+
+def states_message(joints: Sequence[str], told: Told, stamp: int) -> JointState:
+    """Position and velocity of the joints of the model."""
+    estimate = told.estimate
+    message = JointState(
+        name=list(joints),
+        position=estimate.position.tolist(),
+        velocity=estimate.velocity.tolist(),
+    )
+    message.header.stamp = stamp_of(stamp)
+    return message
+
+
+def estimate_message(joints: Sequence[str], told: Told, stamp: int) -> PositionEstimate:
+    """How far they are to be believed."""
+    estimate = told.estimate
+    deviation = estimate.deviation
+    message = PositionEstimate(
+        name=list(joints),
+        position=estimate.position.tolist(),
+        velocity=estimate.velocity.tolist(),
+        std_dev=deviation[:-1].tolist(),
+        measured=told.measured.tolist(),
+        observable=told.observable.tolist(),
+        covariance=estimate.covariance.ravel().tolist(),
+        load=estimate.load,
+        load_std_dev=float(deviation[-1]),
+        condition=told.condition.name,
+    )
+    message.header.stamp = stamp_of(stamp)
+    return message
+
+
+def findings_message(findings: Sequence[SensorFinding], zero: int) -> SensorFindings:
+    """All of them; their times count from `zero` [ns]."""
+
+    message = SensorFindings(
+        sensor=[one.sensor for one in findings],
+        joint=[_joint(one) for one in findings],
+        kind=[str(one.kind) for one in findings],
+        unit=[one.unit for one in findings],
+        size=[one.size for one in findings],
+        low=[one.low for one in findings],
+        high=[one.high for one in findings],
+        onset=[zero / NANOSECONDS + one.onset for one in findings],
+        dangerous=[one.dangerous for one in findings],
+        what_to_do=[one.what_to_do for one in findings],
+    )
+    if findings:
+        newest = max(one.found for one in findings)
+        message.header.stamp = stamp_of(zero + round(newest * NANOSECONDS))
+    return message
+
+
+def _joint(finding: SensorFinding) -> str:
+    """Whose position is in doubt, of a supply that may be an encoder."""
+    if finding.rival is not None:
+        return finding.rival.joint
+    return "" if finding.part is Part.SUPPLY else finding.joint
+
+
+def load_message(weighing: Weighing, zero: int) -> TipLoad:
+    """What hangs at the tip; its time counts from `zero` [ns]."""
+    load = weighing.load
+    message = TipLoad(
+        load=load.mass,
+        std_dev=load.deviation,
+        centre=load.centre,
+        centre_std_dev=load.centre_deviation,
+        moved=weighing.moved,
+        changed=weighing.changed,
+        condition=weighing.condition.name,
+    )
+    message.header.stamp = stamp_of(zero + round(weighing.time * NANOSECONDS))
+    return message
+
 
 PUBLISH = 1.0  # s, of diagnostics
 AHEAD = 0.05  # s, by which simulated time may be ahead: the driver moves joints by estimates

@@ -14,22 +14,28 @@ from crane_interfaces.msg import CylinderPressures, PositionEstimate, TipLoad
 from crane_model import cli
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed
-from crane_nodes.parameters import NodeParameter, Text
-from crane_nodes.stamps import nanoseconds
-from crane_observer.node.in_order import InOrder
-from crane_observer.node.observer_node import ObserverNode
-from crane_observer.node.topics import (
+from crane_nodes.node_time import nanoseconds
+from crane_nodes.parameters import MACHINE, NodeParameter, Text
+from crane_observer.node.observer_node import (
     DEEP,
     JOINT_STATES,
     LATCHED,
     PRESSURES,
+    InOrder,
+    ObserverNode,
     load_message,
     picked,
 )
-from crane_observer.scale.lifts import HEADINGS, Lift, LiftLog, row_of
-from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
+from crane_observer.scale.scale import (
+    HEADINGS,
+    Lift,
+    LiftLog,
+    Scale,
+    ScaleCondition,
+    Weighing,
+    row_of,
+)
 
 Heard: TypeAlias = JointState | PositionEstimate | CylinderPressures
 HEARD = (

@@ -10,13 +10,18 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_observer.position.assumed import MOST_BY_WEIGHT
-from crane_observer.position.flow import NULL_A, NULL_B, SUMS, Commands, add_interval, spools_of
-from crane_observer.position.hypotheses import Hypotheses
-from crane_observer.position.known import Known
-from crane_observer.position.observability import HEAVIEST, Observability
-from crane_observer.position.state import Trust
-from crane_observer.position.window import FlowWindow, PoseEstimate
+from crane_observer.position.balance import Known
+from crane_observer.position.flow import (
+    MOST_BY_WEIGHT,
+    NULL_A,
+    NULL_B,
+    SUMS,
+    Commands,
+    add_interval,
+    spools_of,
+)
+from crane_observer.position.hypotheses import HEAVIEST, Hypotheses, Observability
+from crane_observer.position.state import FlowWindow, PoseEstimate, Trust
 
 WINDOW = 0.05  # s
 EARLY = 0.002  # s, before its time, that a window may end

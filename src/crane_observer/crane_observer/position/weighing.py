@@ -6,20 +6,18 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_observer.position.assumed import GAIN_DOUBT
-from crane_observer.position.balance import ForceBalance
-from crane_observer.position.flow import FORCE, LATER, NULL_A, NULL_B
-from crane_observer.position.gaussian import Gaussian
-from crane_observer.position.known import Known
-from crane_observer.position.resting import Motions
+from crane_observer.position.balance import ForceBalance, Known
+from crane_observer.position.flow import FORCE, GAIN_DOUBT, LATER, NULL_A, NULL_B
+from crane_observer.position.kalman import Gaussian
 from crane_observer.position.state import (
     DRY,
     HELD,
     POSITION,
     PRESSURE,
     VISCOUS,
+    FlowWindow,
 )
-from crane_observer.position.window import FlowWindow
+from crane_observer.position.strokes import Motions
 
 CORRELATED = 10.0  # force balances, for which friction that is not known says the same
 SEEN = 0.33  # of the noise of a reading, left in a mean of both chambers over two windows

@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array
-from crane_model.chain.at_the_tip import tip_bodies
-from crane_model.chain.dynamics import inverse_dynamics
-from crane_model.chamber_forces import ChamberForces
+from crane_model.chain.dynamics import inverse_dynamics, tip_bodies
+from crane_model.cylinders import ChamberForces
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
@@ -25,7 +24,7 @@ FASTER = 1e-2  # share of the velocity, for what grows with it
 
 
 class MeanMotion(NamedTuple):
-    """Means over a window of j joints, weighted as `crane_observer.scale.window` does."""
+    """Means over a window of j joints, weighted as `crane_observer.scale.scale` does."""
 
     position: Array  # (j,) rad, m
     velocity: Array  # (j,)

@@ -1,21 +1,130 @@
 """The scale: readings as they come, in any order, to a weighing for each window."""
 
+from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from crane_model.array import Array
 from crane_model.errors import RangeError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
+from crane_observer.recording import ENCODERS, PRESSURES, HeardRecording
 from crane_observer.scale.balance import MeanMotion, TipMechanics
-from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import MASS, Balanced
-from crane_observer.scale.histories import Histories
-from crane_observer.scale.readings import HeldReadings
+from crane_observer.scale.changes import Histories
+from crane_observer.scale.filter import MASS, Balanced, ModelDoubt
 from crane_observer.scale.weighing import TipLoad, attainable
-from crane_observer.scale.window import means, slowest_and_fastest
+
+# The newest readings of some sensors, in the order of their stamps.
+
+HELD = 256  # readings: more than a window of the fastest sensors, at 400 Hz
+
+
+class HeldReadings:
+    """Of `width` sensors that are read together."""
+
+    def __init__(self, width: int):
+        self._time, self._values = np.empty(2 * HELD), np.empty((2 * HELD, width))
+        self._count = 0
+        self.late = 0  # readings that came after newer ones, and were left out
+        self.invalid = 0  # readings with something that is no number
+
+    @property
+    def newest(self) -> float:
+        """Stamp of the newest [s]; -inf before the first."""
+        return float(self._time[self._count - 1]) if self._count else -np.inf
+
+    @property
+    def held(self) -> tuple[Array, Array]:
+        """Stamps (n,) and values (n, width)."""
+        return self._time[: self._count], self._values[: self._count]
+
+    def add(self, time: float, values: Array) -> None:
+        """One more, unless it is late."""
+        if not np.isfinite(values).all():
+            self.invalid += 1
+        if not time > self.newest:
+            self.late += 1
+            return
+        if self._count == len(self._time):
+            self._time[:HELD] = self._time[HELD:]
+            self._values[:HELD] = self._values[HELD:]
+            self._count = HELD
+        self._time[self._count], self._values[self._count] = time, values
+        self._count += 1
+
+
+# Means over a window whose velocity and acceleration fit each other, compiled.
+#
+# With the weight w(s) = (1 - s^2)^3, s from -1 to 1 over the window, the means of q, q' and q'' are
+#
+#     Int w q,    -Int w' q,    Int w'' q,
+#
+# each over Int w: so q is never differentiated, and forces averaged with w balance them.
+
+FEWEST = 6  # readings in a window
+LONGEST = 0.25  # of a window, between two readings
+PIECES = 6  # of a window, in which it is seen whether a joint stops or turns
+
+
+@njit(cache=True, error_model="numpy")
+def means(time: Array, values: Array, begin: float, end: float) -> Array:
+    """(3, k) means of `values` (n, k) at increasing `time` (n,) [s], of their rate and of the rate
+    of that, between `begin` and `end`. Values that are no numbers do not count; NaN of columns
+    whose readings do not fill the window.
+    """
+    out = np.full((3, values.shape[1]), np.nan)
+    first, last = np.searchsorted(time, begin), np.searchsorted(time, end, side="right")
+    half, middle = 0.5 * (end - begin), 0.5 * (begin + end)
+    rows = np.empty(last - first, dtype=np.int64)
+    for k in range(values.shape[1]):
+        count, gap, newest = 0, 0.0, begin
+        for i in range(first, last):
+            if np.isfinite(values[i, k]):
+                gap, newest = max(gap, time[i] - newest), time[i]
+                rows[count] = i
+                count += 1
+        gap = max(gap, end - newest)
+        if count < FEWEST or gap > 2.0 * half * LONGEST:
+            continue
+        # about the chord, whose share is known without an integral
+        t0, y0 = time[rows[0]], values[rows[0], k]
+        slope = (values[rows[count - 1], k] - y0) / (time[rows[count - 1]] - t0)
+        area, level, rate, bend = 0.0, 0.0, 0.0, 0.0
+        for c in range(count):
+            before = time[rows[c - 1]] if c > 0 else begin
+            after = time[rows[c + 1]] if c < count - 1 else end
+            share = 0.5 * (after - before) / half
+            s = (time[rows[c]] - middle) / half
+            inside = max(1.0 - s * s, 0.0)
+            away = share * (values[rows[c], k] - y0 - slope * (time[rows[c]] - t0))
+            area += share * inside**3
+            level += away * inside**3
+            rate += away * 6.0 * s * inside**2
+            bend += away * inside * (24.0 * s * s - 6.0 * inside)
+        out[0, k] = y0 + slope * (middle - t0) + level / area
+        out[1, k] = slope + rate / (half * area)
+        out[2, k] = bend / (half * half * area)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def slowest_and_fastest(time: Array, values: Array, begin: float, end: float) -> Array:
+    """(2, k): least and largest rate of `values` (n, k) in any of the `PIECES` of the window."""
+    out = np.empty((2, values.shape[1]))
+    first, last = np.searchsorted(time, begin), np.searchsorted(time, end, side="right")
+    edges = np.linspace(begin, end, PIECES + 1)
+    for k in range(values.shape[1]):
+        rows = np.flatnonzero(np.isfinite(values[first:last, k])) + first
+        if len(rows) < 2:
+            out[:, k] = np.nan
+            continue
+        rates = np.diff(np.interp(edges, time[rows], values[rows, k])) * PIECES / (end - begin)
+        out[0, k], out[1, k] = rates.min(), rates.max()
+    return out
+
 
 WINDOW = 0.3  # s
 HOP = 0.15  # s from one window to the next
@@ -176,3 +285,109 @@ class Scale:
         load = self._histories.load
         load = load._replace(deviation=TOLD * load.deviation)
         return Weighing(end, load, condition, changed, self._histories.since, self._moved)
+
+
+# The scale over a recording: the same numbers as while it was made.
+
+
+def weigh(scale: Scale, recording: HeardRecording, tared: float = np.nan) -> list[Weighing]:
+    """Feed it the recording; tare at `tared` [s], NaN: never."""
+    found: list[Weighing] = []
+    for kind, k in recording.events():
+        if kind == ENCODERS:
+            scale.add_encoders(float(recording.encoder_time[k]), recording.encoders[k])
+        elif kind == PRESSURES:
+            time = float(recording.pressure_time[k])
+            if time >= tared:
+                scale.tare()
+                tared = np.nan
+            found += scale.add_pressures(time, recording.chamber_a[k], recording.chamber_b[k])
+    return found
+
+
+# A log of lifts: what was picked up, when it went, and how heavy it was.
+
+LIGHTEST = 5.0  # kg, below which nothing was lifted
+SURE = 3.0  # standard deviations, by which a load is more than nothing
+KEPT = 100  # weighings of a lift, before the unneeded are forgotten
+HEADINGS = (
+    "picked_up [s]", "released [s]", "moved [s]", "load [kg]", "std_dev [kg]", "centre [m]",
+    "centre.std_dev [m]",
+)  # fmt: skip
+UNWEIGHED = (
+    ScaleCondition.WAITING, ScaleCondition.PRESSURES_LOST, ScaleCondition.POSITIONS_LOST,
+    ScaleCondition.UNOBSERVABLE,
+)  # fmt: skip
+
+
+class Lift(NamedTuple):
+    """One load from its pick-up to its release, or to the end of what was heard."""
+
+    picked_up: float  # s; of the first weighing, where it hung there from the beginning
+    released: float  # s
+    moved: float  # s of motion in which it was weighed
+    load: TipLoad  # as it was known best
+
+
+def lifts(weighings: Sequence[Weighing]) -> list[Lift]:
+    """Those among weighings in their order."""
+    parts: list[list[Weighing]] = [[]]
+    for one in weighings:
+        if one.changed and parts[-1]:
+            parts.append([])
+        parts[-1].append(one)
+    found = (lift_of(part, weighings[0].time) for part in parts if part)
+    return [one for one in found if one is not None]
+
+
+def lift_of(part: Sequence[Weighing], first: float) -> Lift | None:
+    """What hung there in weighings between two changes, if anything did; `first` [s]: when it was
+    weighed at all for the first time.
+    """
+    told = [one for one in part if one.condition not in UNWEIGHED]
+    if not told:
+        return None
+    best = min(told, key=lambda one: one.load.deviation)
+    if best.load.mass <= max(LIGHTEST, SURE * best.load.deviation):
+        return None
+    return Lift(max(best.since, first), part[-1].time, max(one.moved for one in told), best.load)
+
+
+def row_of(lift: Lift, zero: float = 0.0) -> list[str]:
+    """Cells below `HEADINGS`; times since `zero` [s] before those of the lift."""
+    times = (f"{zero + one:.3f}" for one in (lift.picked_up, lift.released))
+    return [*times, *(f"{value:.6g}" for value in (lift.moved, *lift.load))]
+
+
+class LiftLog:
+    """Lifts as they end, from weighings as they come; it remembers the best of each alone."""
+
+    def __init__(self) -> None:
+        self._first: float | None = None
+        self._part: list[Weighing] = []
+
+    def add(self, one: Weighing) -> Lift | None:
+        """The lift that has ended by this weighing."""
+        if self._first is None:
+            self._first = one.time
+        ended = None
+        if one.changed:
+            ended = lift_of(self._part, self._first)
+            self._part = []
+        self._part.append(one)
+        if len(self._part) > KEPT:
+            self._part = self._shortened(self._part)
+        return ended
+
+    def end(self) -> Lift | None:
+        """The lift that hangs there still."""
+        return lift_of(self._part, self._first or 0.0)
+
+    def _shortened(self, part: list[Weighing]) -> list[Weighing]:
+        """What `lift_of` looks at: the best, the longest moved and the last."""
+        told = [one for one in part if one.condition not in UNWEIGHED]
+        if not told:
+            return part[-1:]
+        best = min(told, key=lambda one: one.load.deviation)
+        moved = max(told, key=lambda one: one.moved)
+        return [best, moved, part[-1]]

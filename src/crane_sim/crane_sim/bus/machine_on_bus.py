@@ -1,18 +1,132 @@
-"""The stand-in machine seen from its CAN bus: frames in, frames out, by the steady clock."""
+"""The simulated crane seen from its CAN bus: frames in, frames out, and its operator."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import TextIO
 
 import numpy as np
 
 from crane_driver.can.codec import MachineCodec
 from crane_driver.can.frame import Frame
+from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
-from crane_model.errors import ConfigurationError
-from crane_sim.bus.operator_at_machine import Operator
-from crane_sim.bus.valve_unit import ValveUnit
-from crane_sim.plant.machine_in_motion import MachineInMotion
-from crane_sim.plant.sampled import Sensors
+from crane_driver.faults import UNUSABLE
+from crane_model.errors import ConfigurationError, RangeError
+from crane_sim.plant.sampled import MachineInMotion, Sensors
+from crane_sim.sensor_faults import Faults
+
+# The electronics of the valves: what they do with the frames that command them.
+
+TIMEOUT = 0.1  # s without a valid command, as the DBC file says of the valve unit
+NEUTRAL, ENABLED, COMMAND_TIMEOUT = "Neutral", "Enabled", "CommandTimeout"
+
+
+class ValveUnit:
+    """Takes frames and gives spool commands; neutral until told otherwise.
+
+    A frame of the wrong size, with a wrong checksum or a repeated counter is not accepted. Enabled
+    valves that get no valid command for `TIMEOUT` go to neutral, and stay there until a command
+    that does not enable them.
+    """
+
+    def __init__(self, codec: MachineCodec, joints: Sequence[str], now: float):
+        self._codec = codec
+        self._monitor = Monitor(codec.layout.commands, codec.layout.timing, now)
+        self._commands = dict.fromkeys(joints, 0.0)
+        self._last = now
+        self.state = NEUTRAL
+        self.refused = 0  # frames
+        self.accepted: dict[str, int] = {}  # message: counter of its last accepted frame
+
+    def receive(self, frame: Frame) -> None:
+        """Take one frame of the bus; those that command no valve are passed over."""
+        readings = self._codec.decode(frame)
+        if readings is None:
+            return
+        faults = self._monitor.observe(readings)
+        if any(fault.kind in UNUSABLE for fault in faults) or not readings.commands:
+            self.refused += 1
+            return
+        self._expire(readings.steady)
+        self._last = readings.steady
+        self._commands.update(readings.commands)
+        if readings.counter is not None:
+            self.accepted[readings.message] = readings.counter
+        # Where a machine has no enable signal, its valves follow every command.
+        if readings.enabled is False:
+            self.state = NEUTRAL
+        elif self.state is not COMMAND_TIMEOUT or readings.enabled is None:
+            self.state = ENABLED
+
+    def commands(self, now: float) -> list[float]:
+        """(j,) spool commands -1 to 1 at `now` [s, steady], in the order of the joints."""
+        self._expire(now)
+        if self.state is not ENABLED:
+            return [0.0] * len(self._commands)
+        return list(self._commands.values())
+
+    def _expire(self, now: float) -> None:
+        if self.state is ENABLED and now - self._last > TIMEOUT:
+            self.state = COMMAND_TIMEOUT
+
+
+# What an operator does at the machine itself: its levers, its engine, and plugs that he pulls.
+
+
+class Operator:
+    """Moves levers as lines of text say: `inner_boom=0.2`, `inner_boom=0`, `engine=off`.
+
+    A lever moves the spool itself, positive in the positive direction of the joint, whatever the
+    valve is commanded. While the engine is off the crane lies on its supports, and its chambers
+    are vented: nothing moves, and all pressures are those of the air. `fault=TARGET.PART.KIND`
+    makes a sensor or a valve fail from now on, `mended=TARGET.PART` or `mended=all` mends it.
+    """
+
+    def __init__(self, joints: Sequence[str], faults: Faults | None = None):
+        self.levers = dict.fromkeys(joints, 0.0)
+        self.engine = True
+        self._faults = faults
+
+    def obey(self, line: str) -> None:
+        """Do what one line says; `RangeError` or `ConfigurationError` says what can be said."""
+        name, _, value = (part.strip() for part in line.partition("="))
+        if self._faults is not None and name == "fault":
+            print(f"fault: {self._faults.add(value)}", flush=True)
+            return
+        if self._faults is not None and name == "mended":
+            self._faults.mend(value)
+            print(f"mended: {value}", flush=True)
+            return
+        if name == "engine" and value in ("on", "off"):
+            self.engine = value == "on"
+            return
+        try:
+            opening = float(value)
+        except ValueError:
+            opening = 2.0
+        if name not in self.levers or not -1.0 <= opening <= 1.0:
+            raise RangeError(
+                f"'{line.strip()}': write engine=on, engine=off, fault=TARGET.PART.KIND, "
+                "mended=TARGET.PART, or JOINT=OPENING with a joint of "
+                f"{', '.join(self.levers)} and an opening from -1 to 1"
+            )
+        self.levers[name] = opening
+
+    def follow(self, lines: TextIO, complaints: TextIO) -> None:
+        """Obey every line until there are no more; a wrong one changes nothing."""
+        for line in lines:
+            try:
+                self.obey(line)
+            except (ConfigurationError, RangeError) as error:
+                print(error, file=complaints, flush=True)
+
+    def spools(self, commands: Sequence[float]) -> Iterable[float]:
+        """(j,) where the spools are held: by the lever where it is moved, else by the command."""
+        levers = self.levers.values()
+        return [lever or command for lever, command in zip(levers, commands, strict=True)]
+
+
+# The stand-in machine seen from its CAN bus: frames in, frames out, by the steady clock.
 
 LONGEST_STEP = 0.1  # s; a machine that was kept from running for longer loses the rest
 

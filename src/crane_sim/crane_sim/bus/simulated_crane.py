@@ -15,24 +15,22 @@ from types import FrameType
 
 from crane_bags.clocks import NANOSECONDS
 from crane_driver.can.binding import load_layout
+from crane_driver.can.bus import bus_settings
 from crane_driver.can.link import Link
-from crane_driver.can.options import bus_settings
 from crane_driver.can.simulated_time import START_NS, STEP, check_private, time_frame
 from crane_model import cli
-from crane_model.arguments import whole
+from crane_model.cli import whole
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_nodes.scheduling import RealTime, RealTimeSettings
-from crane_sim.bus.machine_on_bus import MachineOnBus
-from crane_sim.bus.operator_at_machine import Operator
+from crane_sim.bus.machine_on_bus import MachineOnBus, Operator
 from crane_sim.bus.pace import LockStep, PlantPace, send
-from crane_sim.faulty.faults import Faults
-from crane_sim.options import add_faults, add_plant, load_both
+from crane_sim.make_bag import add_faults, add_plant, load_both
 from crane_sim.parts.pose import parse_pose
-from crane_sim.plant.machine_in_motion import MachineInMotion
+from crane_sim.plant.closed_loop import TwinPlant
 from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
-from crane_sim.plant.twin_plant import TwinPlant
+from crane_sim.plant.sampled import MachineInMotion, Sensors
+from crane_sim.sensor_faults import Faults
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

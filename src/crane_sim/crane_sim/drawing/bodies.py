@@ -1,21 +1,235 @@
-"""What the bodies of the crane look like: base, pillar, booms, telescope and gripper.
-
-Pins, lengths and cylinder diameters are those of the machine file; the sizes of plates and beams
-are drawn to fit a crane of this size. Sideways, from the middle out: cylinder; inner boom; links c2
-and c1; cheeks of the outer boom and of the pillar.
-"""
+"""The bodies of the crane as drawn: their parts, and the links and cylinders between pins."""
 
 import math
+from collections.abc import Iterable, Iterator
+from enum import StrEnum
 from itertools import pairwise
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from scipy.spatial import ConvexHull
 
+from crane_model.actuators.cylinders import DirectCylinder, FourBarCylinder, TriangleCylinder
 from crane_model.kinematics import link_transforms
 from crane_model.machine import Machine
-from crane_sim.drawing.pins import direction, lever_pin, outer_boom_pins, triangle
-from crane_sim.drawing.shapes import Disc, Material, bar, box, pin, plate, plates
 from crane_sim.parts.mujoco_model import add_body, link_name
+
+# Steel parts to draw with: rounded plates, boxes, round bars; without mass, touching nothing.
+
+Disc = tuple[float, float, float]  # x, z, radius [m]
+Point = tuple[float, float, float]  # x, y, z [m]
+_CORNERS = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+
+
+class Material(StrEnum):
+    """What parts are made of."""
+
+    PAINT = "paint"
+    STEEL = "steel"
+    BARREL = "barrel"
+    CHROME = "chrome"
+    CONCRETE = "concrete"
+
+
+_LOOK = {  # rgba, specular, shininess
+    Material.PAINT: ((0.90, 0.36, 0.04, 1.0), 0.35, 0.55),
+    Material.STEEL: ((0.20, 0.21, 0.23, 1.0), 0.40, 0.50),
+    Material.BARREL: ((0.13, 0.135, 0.15, 1.0), 0.70, 0.70),
+    Material.CHROME: ((0.80, 0.82, 0.85, 1.0), 1.00, 0.90),
+    Material.CONCRETE: ((0.55, 0.55, 0.54, 1.0), 0.05, 0.10),
+}
+
+
+def add_materials(spec: mujoco.MjSpec) -> None:
+    """Make every `Material` known to the model."""
+    for name, (rgba, specular, shininess) in _LOOK.items():
+        spec.add_material(name=name, rgba=rgba, specular=specular, shininess=shininess)
+
+
+def plate(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    discs: list[Disc],
+    low: float,
+    high: float,
+    material: Material = Material.PAINT,
+) -> None:
+    """A plate in the plane of x and z, `low` to `high` to the side [m]: the hull of some discs."""
+    circle = np.stack([np.cos(_CORNERS), np.sin(_CORNERS)], axis=1)
+    points = np.concatenate([np.array([x, z]) + radius * circle for x, z, radius in discs])
+    outline = points[ConvexHull(points).vertices]  # counter-clockwise
+
+    # Corners are repeated for each face, with the face's normal: edges stay sharp.
+    corners: list[Point] = []
+    normals: list[Point] = []
+    faces: list[tuple[int, int, int]] = []
+
+    def face(polygon: list[Point], normal: Point) -> None:
+        first = len(corners)
+        corners.extend(polygon)
+        normals.extend([normal] * len(polygon))
+        faces.extend((first, first + k, first + k + 1) for k in range(1, len(polygon) - 1))
+
+    face([(x, low, z) for x, z in outline], (0.0, -1.0, 0.0))
+    face([(x, high, z) for x, z in outline[::-1]], (0.0, 1.0, 0.0))
+    for (x, z), (to_x, to_z) in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        along = np.array([to_x - x, to_z - z]) / np.hypot(to_x - x, to_z - z)
+        rim = [(to_x, low, to_z), (x, low, z), (x, high, z), (to_x, high, to_z)]
+        face(rim, (along[1], 0.0, -along[0]))
+
+    mesh = spec.add_mesh(name=f"plate_{len(spec.meshes)}")
+    mesh.uservert, mesh.usernormal = np.ravel(corners), np.ravel(normals)
+    mesh.userface = mesh.userfacenormal = np.ravel(faces)
+    _add(body, mujoco.mjtGeom.mjGEOM_MESH, material, meshname=mesh.name)
+
+
+def plates(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    discs: list[Disc],
+    inside: float,
+    outside: float,
+    material: Material = Material.PAINT,
+) -> None:
+    """The same plate on both sides, each `inside` to `outside` from the middle [m]."""
+    plate(spec, body, discs, inside, outside, material)
+    plate(spec, body, discs, -outside, -inside, material)
+
+
+def box(body: mujoco.MjsBody, low: Point, high: Point, material: Material) -> None:
+    """A box between two opposite corners."""
+    corners = np.array([low, high])
+    size, centre = np.diff(corners, axis=0)[0] / 2, corners.mean(axis=0)
+    _add(body, mujoco.mjtGeom.mjGEOM_BOX, material, size=size, pos=centre)
+
+
+def bar(body: mujoco.MjsBody, start: Point, end: Point, radius: float, material: Material) -> None:
+    """A round bar."""
+    size = (radius, 0.0, 0.0)
+    _add(body, mujoco.mjtGeom.mjGEOM_CYLINDER, material, size=size, fromto=(*start, *end))
+
+
+def pin(body: mujoco.MjsBody, at: Iterable[float], half_width: float, radius: float) -> None:
+    """A pin across the plane, at (x, z) of it."""
+    x, z = at
+    bar(body, (x, -half_width, z), (x, half_width, z), radius, Material.STEEL)
+
+
+def _add(body: mujoco.MjsBody, kind: mujoco.mjtGeom, material: Material, **shape: object) -> None:
+    body.add_geom(type=kind, material=material, mass=0.0, contype=0, conaffinity=0, **shape)
+
+
+# Where the pins of both boom linkages are: points of the sagittal plane.
+#
+# Points are (2,) arrays: radius from the slew axis and height [m]. They are constructed from
+# lengths and directions, the outer boom's four-bar by intersecting circles, apart from the closed
+# forms of `crane_model.linkages`; the distances between them are the cylinder lengths of (20) and
+# (24).
+
+
+class Pins(NamedTuple):
+    """The pins in one pose (2,) each; letters as in `crane_model.linkages.outer_boom`."""
+
+    joint_2: np.ndarray
+    elbow: np.ndarray  # E
+    inner_base: np.ndarray  # of the inner boom's cylinder, on the pillar
+    inner_eye: np.ndarray  # and on the boom
+    outer_base: np.ndarray  # B: of the outer boom's cylinder, on the inner boom
+    outer_eye: np.ndarray  # K: where its eye and both links meet
+    lever: np.ndarray  # P: of link c1 on the outer boom
+    rocker: np.ndarray  # R: of link c2 on the inner boom
+    tip: np.ndarray
+
+
+def direction(angle: float) -> np.ndarray:
+    """Unit vector (2,) raised by `angle` from the horizontal [rad]."""
+    return np.array([math.cos(angle), math.sin(angle)])
+
+
+def forwarder(machine: Machine) -> bool:
+    """Whether it is a crane as of the report: a slew, two booms with its linkages, a telescope."""
+    planar = machine.planar
+    if planar is None or len(machine.joints) != 1 + len(planar.joints):
+        return False
+    inner, outer, telescope = (machine.actuators[joint] for joint in planar.joints)
+    return (
+        isinstance(inner, TriangleCylinder)
+        and isinstance(outer, FourBarCylinder)
+        and not outer.mirrored
+        and isinstance(telescope, DirectCylinder)
+    )
+
+
+def triangle(machine: Machine) -> TriangleCylinder:
+    """What raises the inner boom of a `forwarder`."""
+    actuator = machine.actuators[machine.as_planar().joints[0]]
+    assert isinstance(actuator, TriangleCylinder)
+    return actuator
+
+
+def four_bar(machine: Machine) -> FourBarCylinder:
+    """What moves the outer boom of a `forwarder`."""
+    actuator = machine.actuators[machine.as_planar().joints[1]]
+    assert isinstance(actuator, FourBarCylinder)
+    return actuator
+
+
+def outer_boom_pins(machine: Machine, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Pins B and R seen from the elbow, in axes in which the inner boom's line is at `angle`."""
+    linkage = four_bar(machine)
+    to_base = angle + math.pi - linkage.pin_rise
+    to_rocker = to_base + linkage.gamma_32
+    return linkage.s31 * direction(to_base), linkage.s23 * direction(to_rocker)
+
+
+def lever_pin(machine: Machine, angle: float = 0.0) -> np.ndarray:
+    """Pin P seen from the elbow, in axes in which the telescope's direction psi is at `angle`."""
+    linkage = four_bar(machine)
+    # from P to R the angle at the elbow is gamma_21 (21), and R is fixed to the inner boom
+    to_rocker = machine.as_planar().theta_2_0 + math.pi - linkage.pin_rise + linkage.gamma_32
+    return linkage.s22 * direction(angle + to_rocker - linkage.gamma_21_0)
+
+
+def pins(machine: Machine, q: np.ndarray) -> Pins:
+    """The pins at q (4,) of a `forwarder`; not finite where the links do not reach."""
+    dh, inner, outer = machine.as_planar(), triangle(machine), four_bar(machine)
+    phi, psi = q[1] + dh.theta_2_0, q[1] + q[2]
+    joint_2 = np.array([0.0, dh.base_height])
+    elbow = joint_2 + dh.inner_boom_length * direction(phi)
+    base, rocker = (elbow + pin for pin in outer_boom_pins(machine, phi))
+    lever = elbow + lever_pin(machine, psi)
+    return Pins(
+        joint_2=joint_2,
+        elbow=elbow,
+        inner_base=joint_2 + inner.j1 * direction(inner.phi_4 - math.pi / 2),
+        inner_eye=joint_2 + inner.j2 * direction(q[1] + inner.phi_3),
+        outer_base=base,
+        outer_eye=_meeting(lever, outer.c1, rocker, outer.c2),
+        lever=lever,
+        rocker=rocker,
+        tip=elbow
+        + dh.telescope_offset * direction(psi + math.pi / 2)
+        + (dh.telescope_length + q[3]) * direction(psi),
+    )
+
+
+def _meeting(lever: np.ndarray, c1: float, rocker: np.ndarray, c2: float) -> np.ndarray:
+    """Where circles of radius c1 and c2 meet, to the right of the line from lever to rocker."""
+    line = rocker - lever
+    distance = math.hypot(*line)
+    along = (c1**2 - c2**2 + distance**2) / (2.0 * distance)
+    square = c1**2 - along**2
+    across = math.sqrt(square) if square >= 0.0 else math.nan
+    unit = line / distance
+    return lever + along * unit + across * np.array([unit[1], -unit[0]])
+
+
+# What the bodies of the crane look like: base, pillar, booms, telescope and gripper.
+#
+# Pins, lengths and cylinder diameters are those of the machine file; the sizes of plates and beams
+# are drawn to fit a crane of this size. Sideways, from the middle out: cylinder; inner boom; links
+# c2 and c1; cheeks of the outer boom and of the pillar.
 
 PIN = 0.022  # m, radius
 BOOM = (0.062, 0.077)  # m from the middle: sides of the inner boom
@@ -173,3 +387,75 @@ def _above_tube(machine: Machine) -> float:
 
 def _box(low_x: float, high_x: float, low_z: float, high_z: float) -> list[tuple[float, float]]:
     return [(x, z) for x in (low_x, high_x) for z in (low_z, high_z)]
+
+
+# Parts between two pins: both boom cylinders and the links c1 and c2, and the hanging gripper.
+#
+# They belong to no body of the crane: each is a body of its own whose place follows from the pins.
+
+EYE = 0.034  # m, radius
+CAP = 0.08  # m from a cylinder's end to its piston or gland
+
+
+class Placement(NamedTuple):
+    """A part's origin in the sagittal plane and how far its x axis is raised [m, rad]."""
+
+    name: str
+    origin: np.ndarray
+    angle: float
+
+
+def add_moving_parts(spec: mujoco.MjSpec, machine: Machine) -> None:
+    """Bodies to be placed by `placements`."""
+    inner, outer, _ = machine.as_planar().joints
+    _cylinder(spec, machine, inner, "inner_boom")
+    _cylinder(spec, machine, outer, "outer_boom")
+    linkage = four_bar(machine)
+    for name, length, sides in (("link_1", linkage.c1, LINK_1), ("link_2", linkage.c2, LINK_2)):
+        body = _free(spec, name)
+        discs = [(0.0, 0.0, 0.034), (length, 0.0, 0.034)]
+        plates(spec, body, discs, *sides, material=Material.STEEL)
+    # one pin through both links and the cylinder's eye
+    pin(spec.body("outer_boom_rod"), (0.0, 0.0), LINK_1[1] + 0.008, PIN)
+    gripper(spec, _free(spec, "hanging_gripper"))
+
+
+def placements(pins: Pins) -> Iterator[Placement]:
+    """Where each part is, given the pins."""
+    yield _between("inner_boom_barrel", pins.inner_base, pins.inner_eye)
+    yield _between("inner_boom_rod", pins.inner_eye, pins.inner_base)
+    yield _between("outer_boom_barrel", pins.outer_base, pins.outer_eye)
+    yield _between("outer_boom_rod", pins.outer_eye, pins.outer_base)
+    yield _between("link_1", pins.lever, pins.outer_eye)
+    yield _between("link_2", pins.rocker, pins.outer_eye)
+    yield Placement("hanging_gripper", pins.tip, 0.0)
+
+
+def _between(name: str, start: np.ndarray, end: np.ndarray) -> Placement:
+    x, z = end - start
+    return Placement(name, start, math.atan2(z, x))
+
+
+def _cylinder(spec: mujoco.MjSpec, machine: Machine, joint: str, name: str) -> None:
+    """Barrel from its pin, rod from the other; neither runs out of its stroke."""
+    stroke = machine.cylinders[joint]
+    outer, inner = radii(machine, joint)
+    barrel_end = stroke.length_min - CAP
+    rod_end = stroke.length_max - barrel_end + CAP / 2  # still in the barrel when fully extended
+
+    barrel = _free(spec, f"{name}_barrel")
+    _eye(spec, barrel)
+    bar(barrel, (EYE, 0.0, 0.0), (barrel_end, 0.0, 0.0), outer, Material.BARREL)
+    gland = (barrel_end - 0.05, 0.0, 0.0)
+    bar(barrel, gland, (barrel_end, 0.0, 0.0), outer + 0.005, Material.STEEL)
+    rod = _free(spec, f"{name}_rod")
+    _eye(spec, rod)
+    bar(rod, (EYE / 2, 0.0, 0.0), (rod_end, 0.0, 0.0), inner, Material.CHROME)
+
+
+def _eye(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
+    plate(spec, body, [(0.0, 0.0, EYE), (EYE, 0.0, EYE * 0.8)], -0.03, 0.03, Material.STEEL)
+
+
+def _free(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
+    return spec.worldbody.add_body(name=name, mocap=True)

@@ -7,7 +7,7 @@ from crane_model import cli
 from crane_model.errors import DataError
 from crane_model.progress_bar import progress_bar
 from crane_sim.drawing.opengl import find_backend
-from crane_sim.options import add_plant, load_both
+from crane_sim.make_bag import add_plant, load_both
 from crane_sim.parts.pose import parse_pose
 
 SIZE = (1600, 1000)

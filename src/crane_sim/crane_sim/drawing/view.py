@@ -12,7 +12,7 @@ from crane_model import cli
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_sim.drawing.scene import Scene
-from crane_sim.options import add_plant, load_both
+from crane_sim.make_bag import add_plant, load_both
 from crane_sim.parts.pose import parse_pose
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 

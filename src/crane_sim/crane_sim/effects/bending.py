@@ -13,8 +13,8 @@ from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude
 from crane_sim.effects.working import LOADS, Hidden
+from crane_sim.parts.constants import Scratch
 from crane_sim.parts.rigid_bodies import Chain, mass_and_bias
-from crane_sim.parts.state import Scratch
 
 TWO_MODES, ONE_MODE, PROGRESSIVE = range(LOADS + 50, LOADS + 53)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crane_sim.effects.fault import SensorFault
+from crane_sim.effects.form import SensorFault
 
 
 class Turned(SensorFault):

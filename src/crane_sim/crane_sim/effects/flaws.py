@@ -4,7 +4,7 @@ import numpy as np
 
 from crane_model.machine import Machine
 from crane_sim.effects.encoders import Eccentric
-from crane_sim.effects.fault import SensorFault, measured_joints
+from crane_sim.effects.form import SensorFault, measured_joints
 
 PISTON_RATE_HZ = (170.0, 260.0)  # strokes of the pump's pistons a second, far above the sampling
 PULSATION_PA = (1e3, 6e3)  # in a chamber, below the noise of a transducer

@@ -10,9 +10,8 @@ from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude
 from crane_sim.effects.working import FLOW, LEAKS, SOFTNESS, Hidden
-from crane_sim.parts.constants import Constants
-from crane_sim.parts.hydraulics import conductances, opening, port_flow
-from crane_sim.parts.state import State
+from crane_sim.parts.constants import Constants, State
+from crane_sim.parts.cylinders import conductances, opening, port_flow
 
 (
     SOFT_OVERLAP, HARD_OVERLAP, UNEVEN_OVERLAP, PLAY, TWO_PLAYS, CREEPING_PLAY, TWO_GAINS, ONE_WAY,

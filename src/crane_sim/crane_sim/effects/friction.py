@@ -11,10 +11,8 @@ from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude, Where, coulomb
 from crane_sim.effects.working import FRICTION, Hidden
-from crane_sim.parts.constants import Constants
-from crane_sim.parts.rigid_bodies import Chain, beyond, carried, place
-from crane_sim.parts.state import Scratch, State
-from crane_sim.parts.vectors import dot, vector
+from crane_sim.parts.constants import Constants, Scratch, State
+from crane_sim.parts.rigid_bodies import Chain, beyond, carried, dot, place, vector
 
 (
     LORENTZ, SECH, HILL, ROUNDED_LOAD, WEIGHT, LOAD_POWER, LIP, NO_LEVER, ROD_SEAL, OVERHANG,

@@ -8,8 +8,7 @@ from numba import njit
 
 from crane_sim.effects import bending, friction, loads, memory, pushes
 from crane_sim.effects.working import FLOW, FRICTION, LOADS, MEMORY, PUSHES, Hidden
-from crane_sim.parts.constants import Constants
-from crane_sim.parts.state import Scratch, State
+from crane_sim.parts.constants import Constants, Scratch, State
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -7,9 +7,23 @@ from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude, Where
 from crane_sim.effects.working import LOADS, Hidden
-from crane_sim.parts.rigid_bodies import Chain, add_push, beyond, mass_and_bias, place, tip_of
-from crane_sim.parts.state import State
-from crane_sim.parts.vectors import Vector, add_cross, cross, dot, product, scaled, summed, vector
+from crane_sim.parts.constants import State
+from crane_sim.parts.rigid_bodies import (
+    Chain,
+    Vector,
+    add_cross,
+    add_push,
+    beyond,
+    cross,
+    dot,
+    mass_and_bias,
+    place,
+    product,
+    scaled,
+    summed,
+    tip_of,
+    vector,
+)
 
 (
     BODY_AT_TIP, SLUNG, SLIDING_BODY, TILTED, SETTLING, YIELDING, HOSE, TAPERED_HOSE, SECOND_HOSE,

@@ -7,7 +7,7 @@ from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude, coulomb
 from crane_sim.effects.working import MEMORY, Hidden
-from crane_sim.parts.state import Scratch
+from crane_sim.parts.constants import Scratch
 
 (
     BRISTLES, BOUC_WEN, DAHL, SLIP_BLOCKS, GRADED_BLOCKS, SOFT_BLOCKS,

@@ -6,7 +6,7 @@ from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude, coulomb, viscous
 from crane_sim.effects.working import PUSHES, Hidden
-from crane_sim.parts.state import State
+from crane_sim.parts.constants import State
 
 (
     POWER_LAW, ROUNDED_SQUARE, THRESHOLD, VISCOSITY, HYPERBOLIC, QUICK_AND_SLOW, SOFTENING, CORD,

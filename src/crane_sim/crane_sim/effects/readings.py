@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from crane_sim.effects.fault import SensorFault
+from crane_sim.effects.form import SensorFault
 from crane_sim.effects.transducers import ABOUT_PA, BOTH, BothTransducers
 
 

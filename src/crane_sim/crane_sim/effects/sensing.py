@@ -6,8 +6,7 @@ import numpy as np
 
 from crane_model.machine import Machine
 from crane_sim.effects import encoders, readings, transducers
-from crane_sim.effects.fault import SensorFault
-from crane_sim.effects.form import Draw, Form, Magnitude, Planted, Where
+from crane_sim.effects.form import Draw, Form, Magnitude, Planted, SensorFault, Where
 
 
 def faults(planted: Sequence[Planted], machine: Machine) -> tuple[SensorFault, ...]:

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from crane_sim.effects.fault import SensorFault
+from crane_sim.effects.form import SensorFault
 
 BOTH = tuple[np.ndarray, np.ndarray]
 MINUTE = 60.0  # s

@@ -1,14 +1,16 @@
-"""The actuators in the machine: lengths and lever arms at a pose, and the ends of their strokes.
+"""Actuators, oil and friction of the plant, as compiled functions."""
 
-The linkages are those of `crane_model.linkages`: geometry is known to both sides.
-"""
-
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from crane_model.linkages import motion
+
+# The actuators in the machine: lengths and lever arms at a pose, and the ends of their strokes.
+#
+# The linkages are those of `crane_model.linkages`: geometry is known to both sides.
 
 
 class Linkages(NamedTuple):
@@ -60,3 +62,295 @@ def stop_force(cylinder: np.record, length: float, rate: float) -> float:
         return 0.0
     damped = max(1.0 + cylinder.stop_damping * closing, 0.0)
     return sign * cylinder.stop_stiffness * depth * damped
+
+
+# Oil: servo valves, orifices, chambers, pump and relief valve, as compiled scalar functions.
+#
+# Pressures are gauge [Pa], flows [m3/s]. Spool opening x in -1..1: positive opens supply to chamber
+# A and chamber B to tank.
+
+EDGES = ("supply_a", "a_tank", "supply_b", "b_tank")
+"""The metering edges of a valve, by what they join."""
+VALVE = ("sense", "frequency", "damping_ratio", "rate_limit", "dead_zone", "null", *EDGES)
+"""Fields of a valve's record. `sense` is +1 where extending the cylinder moves the joint in its
+positive direction, else -1; frequency [rad/s] of the undamped spool; rate_limit [strokes/s];
+dead_zone [strokes] to either side of `null` [strokes]; of each edge the gain, fully open
+[m3/s/sqrt(Pa)]."""
+
+
+class Oil(NamedTuple):
+    """The oil, and the supply line that all valves share."""
+
+    bulk_modulus: float  # Pa
+    laminar_drop: float  # Pa, below it an orifice turns from turbulent to laminar
+    check_valve_gain: float  # m3/s/sqrt(Pa), make-up flow from tank into a chamber below tank
+    supply_volume: float  # m3
+    pump_flow: float  # m3/s, most that the pump delivers
+    set_pressure: float  # Pa, where the pump's delivery is controlled to zero
+    droop: float  # Pa below it, where the pump delivers all it can
+    relief_pressure: float  # Pa, where the relief valve opens
+    relief_gain: float  # m3/s/Pa
+    tank_pressure: float  # Pa
+
+
+@njit(cache=True, error_model="numpy")
+def spool_step(
+    valve: np.record,
+    free: tuple[float, float, float, float],
+    command: float,
+    position: float,
+    rate: float,
+    step: float,
+) -> tuple[float, float]:
+    """Spool position and rate after one step: second order, limited in rate and stroke.
+
+    `free` is its exact `transition` in that time where no limit holds it back.
+    """
+    target = valve.sense * min(max(command, -1.0), 1.0)
+    off = position - target
+    moved = target + free[0] * off + free[1] * rate - position
+    limit = valve.rate_limit
+    position += min(max(moved, -step * limit), step * limit)
+    rate = min(max(free[2] * off + free[3] * rate, -limit), limit)
+    if abs(position) >= 1.0:  # the spool lies against its stop
+        return math.copysign(1.0, position), 0.0
+    return position, rate
+
+
+@njit(cache=True, error_model="numpy")
+def opening(position: float, dead_zone: float) -> float:
+    """Metering opening in -1..1 of a spool with overlap: zero inside the dead zone."""
+    if abs(position) <= dead_zone:
+        return 0.0
+    return (position - math.copysign(dead_zone, position)) / (1.0 - dead_zone)
+
+
+@njit(cache=True, error_model="numpy")
+def conductances(valve: np.record, x: float) -> tuple[float, float]:
+    """What chambers A and B see at a metering opening x [m3/s/sqrt(Pa)]: see `port_flow`."""
+    if x > 0.0:
+        return valve.supply_a * x, -valve.b_tank * x
+    return valve.a_tank * x, -valve.supply_b * x
+
+
+@njit(cache=True, error_model="numpy")
+def signed_root(drop: float, laminar: float) -> tuple[float, float]:
+    """Turbulent orifice: sgn(d) sqrt|d|, made linear for |d| below `laminar`; and its slope.
+
+    d / (d^2 + laminar^2)^(1/4): odd, increasing, with slope at most 1/sqrt(laminar).
+    """
+    square = drop * drop + laminar * laminar
+    rooted = math.sqrt(square)
+    fourth = math.sqrt(rooted)
+    return drop / fourth, (0.5 * drop * drop + laminar * laminar) / (square * fourth)
+
+
+@njit(cache=True, error_model="numpy")
+def port_flow(oil: Oil, conductance: float, p_supply: float, p: float) -> tuple[float, float]:
+    """Flow into a chamber through its metering edge, and its derivative to the chamber pressure.
+
+    `conductance` [m3/s/sqrt(Pa)] is gain times opening: positive to supply, negative to tank.
+    """
+    source = p_supply if conductance > 0.0 else oil.tank_pressure
+    root, slope = signed_root(source - p, oil.laminar_drop)
+    return abs(conductance) * root, -abs(conductance) * slope
+
+
+@njit(cache=True, error_model="numpy")
+def chamber_step(
+    oil: Oil,
+    p: float,
+    p_other: float,
+    flow: float,
+    slope: float,
+    leakage: float,
+    volume: float,
+    growth: float,
+    step: float,
+) -> tuple[float, float]:
+    """Chamber pressure after one step, and the valve flow that went in meanwhile.
+
+    p' = beta / V (Q - V' - leakage (p - p_other)): what flows in fills the volume, is compressed
+    or leaks. `growth` is V'. Linearly implicit in p, so that a small chamber behind a wide
+    orifice stays stable.
+    """
+    if p < oil.tank_pressure:
+        root, check_slope = signed_root(oil.tank_pressure - p, oil.laminar_drop)
+        flow += oil.check_valve_gain * root
+        slope -= oil.check_valve_gain * check_slope
+    elasticity = step * oil.bulk_modulus / volume
+    change = elasticity * (flow - growth - leakage * (p - p_other))
+    change /= 1.0 - elasticity * (slope - leakage)
+    return p + change, flow + slope * change
+
+
+@njit(cache=True, error_model="numpy")
+def pump_flow(oil: Oil, p_supply: float) -> float:
+    """Delivery of the pressure-controlled pump, from none to all it can."""
+    return oil.pump_flow * min(max((oil.set_pressure - p_supply) / oil.droop, 0.0), 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def relief_flow(oil: Oil, p_supply: float) -> float:
+    """Flow that the relief valve returns to tank."""
+    return oil.relief_gain * max(p_supply - oil.relief_pressure, 0.0)
+
+
+# Joint friction by the report's law (13), set-valued at standstill, or by a dynamic law (LuGre).
+#
+# `law` is an array (j,) of records, one a joint, with the fields of LAW: Coulomb friction [N m, N]
+# while the joint moves up (f_c + df_c) and down (f_c - df_c), viscous friction [N m s/rad, N s/m]
+# up (f_v + df_v) and down (f_v - df_v); for LuGre also those of BRISTLES.
+
+LAW = ("coulomb_up", "coulomb_down", "viscous_up", "viscous_down")
+BRISTLES = ("stiffness", "damping", "breakaway_ratio", "stribeck_velocity")
+STICK, UP, DOWN = 0, 1, -1
+SWEEPS = 200  # far above need: the modes settle in a few
+
+
+@njit(cache=True, error_model="numpy")
+def solve_symmetric(matrix: np.ndarray, x: np.ndarray) -> None:
+    """Solve matrix (j, j) x = rhs by LDL^T; x holds rhs, the lower triangle is overwritten."""
+    n = len(x)
+    for j in range(n):
+        reciprocal = 1.0 / matrix[j, j]
+        for i in range(j + 1, n):
+            factor = matrix[i, j] * reciprocal
+            for k in range(i, n):
+                matrix[k, i] -= factor * matrix[k, j]
+            x[i] -= factor * x[j]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= matrix[k, i] * x[k]
+        x[i] /= matrix[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _velocity_for_modes(
+    law: np.ndarray,
+    mass: np.ndarray,
+    impulse: np.ndarray,
+    step: float,
+    mode: np.ndarray,
+    scratch: np.ndarray,
+    v: np.ndarray,
+) -> bool:
+    """Solve for v with each joint sticking, moving up or down; whether v and forces agree with it.
+
+    Sticking joints leave the equations; their friction must then lie within the breakaway limits.
+    """
+    for i in range(len(v)):
+        if mode[i] == STICK:
+            v[i] = 0.0
+            for j in range(len(v)):
+                scratch[i, j] = 0.0
+                scratch[j, i] = 0.0
+            scratch[i, i] = 1.0
+            continue
+        for j in range(i + 1):
+            scratch[i, j] = 0.0 if mode[j] == STICK else mass[i, j]
+        if mode[i] == UP:
+            scratch[i, i] += step * law[i].viscous_up
+            v[i] = impulse[i] - step * law[i].coulomb_up
+        else:
+            scratch[i, i] += step * law[i].viscous_down
+            v[i] = impulse[i] + step * law[i].coulomb_down
+    solve_symmetric(scratch, v)
+    for i in range(len(v)):
+        if mode[i] == STICK:
+            rest = impulse[i]
+            for j in range(len(v)):
+                rest -= mass[i, j] * v[j]
+            if rest > step * law[i].coulomb_up or rest < -step * law[i].coulomb_down:
+                return False
+        elif mode[i] * v[i] <= 0.0:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _sweep(
+    law: np.ndarray,
+    mass: np.ndarray,
+    impulse: np.ndarray,
+    step: float,
+    mode: np.ndarray,
+    v: np.ndarray,
+) -> None:
+    """One projected Gauss-Seidel sweep: each joint in turn takes the mode that fits the others."""
+    for i in range(len(v)):
+        rest = impulse[i] + mass[i, i] * v[i]
+        for j in range(len(v)):
+            rest -= mass[i, j] * v[j]
+        up, down = step * law[i].coulomb_up, step * law[i].coulomb_down
+        if rest > up:
+            mode[i] = UP
+            v[i] = (rest - up) / (mass[i, i] + step * law[i].viscous_up)
+        elif rest < -down:
+            mode[i] = DOWN
+            v[i] = (rest + down) / (mass[i, i] + step * law[i].viscous_down)
+        else:
+            mode[i] = STICK
+            v[i] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def step_set_valued(
+    law: np.ndarray,
+    mass: np.ndarray,
+    impulse: np.ndarray,
+    step: float,
+    mode: np.ndarray,
+    scratch: np.ndarray,
+    v: np.ndarray,
+) -> None:
+    """Velocity after one implicit step with friction (13): M v + step * friction(v) = impulse.
+
+    friction(v) is set-valued: at v = 0 any value from -coulomb_down to coulomb_up. The solution
+    minimises a strictly convex function, so it is unique: the modes of the last step (`mode`,
+    updated) are tried first, and sweeps find them anew when they no longer hold. `impulse` (j,) is
+    M v_old + step * (all other forces); `v` is warm start and result; `scratch` (j + 1, j) is
+    overwritten.
+    """
+    factor, trial = scratch[: len(v)], scratch[len(v)]
+    for _ in range(SWEEPS):
+        if _velocity_for_modes(law, mass, impulse, step, mode, factor, trial):
+            for i in range(len(v)):
+                v[i] = trial[i]
+            return
+        _sweep(law, mass, impulse, step, mode, v)
+
+
+@njit(cache=True, error_model="numpy")
+def lugre_force(law: np.record, v: float, z: float, step: float) -> tuple[float, float]:
+    """LuGre friction force of one joint and the bristle deflection z [rad, m] after one step.
+
+    z' = v - sigma_0 |v| z / g(v), F = sigma_0 z + sigma_1 z' + viscous; g decays from breakaway to
+    Coulomb friction over the Stribeck velocity. z is stepped implicitly, so no step is too long.
+    """
+    coulomb = law.coulomb_up if v >= 0.0 else law.coulomb_down
+    viscous = law.viscous_up if v >= 0.0 else law.viscous_down
+    excess = (law.breakaway_ratio - 1.0) * coulomb
+    level = coulomb + excess * math.exp(-((v / law.stribeck_velocity) ** 2))
+    z_new = (z + step * v) / (1.0 + step * law.stiffness * abs(v) / level)
+    force = law.stiffness * z_new + law.damping * (z_new - z) / step + viscous * v
+    return force, z_new
+
+
+@njit(cache=True, error_model="numpy")
+def step_lugre(
+    law: np.ndarray,
+    mass: np.ndarray,
+    impulse: np.ndarray,
+    step: float,
+    z: np.ndarray,
+    scratch: np.ndarray,
+    v: np.ndarray,
+) -> None:
+    """Velocity after one step with LuGre friction: deflections z (j,) and v (j,) are updated."""
+    for i in range(len(v)):
+        force, z[i] = lugre_force(law[i], v[i], z[i], step)
+        for j in range(len(v)):
+            scratch[i, j] = mass[i, j]
+        v[i] = impulse[i] - step * force
+    solve_symmetric(scratch[: len(v)], v)

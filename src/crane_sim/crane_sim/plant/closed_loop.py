@@ -1,18 +1,71 @@
 """The stand-in machine under a controller, as a recording of its sensors would show it."""
 
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.integrate import quad
 
 from crane_driver.velocity_filter import VelocityFilter
-from crane_sim.plant.led import Led
-from crane_sim.plant.machine_in_motion import RecordedMachine
-from crane_sim.plant.sampled import Pressures, Sensors
-from crane_trajectory.control.controller import Gains, command
-from crane_trajectory.control.interface import Controller
+from crane_model.errors import ConfigurationError, RangeError
+from crane_model.machine import Machine
+from crane_model.model_file import Model
+from crane_model.twin import Twin
+from crane_sim.effects.form import Planted
+from crane_sim.parts.parameters import StandIn
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import MachineInMotion, Pressures, RecordedMachine, Sensors
+from crane_trajectory.control.interface import Controller, Point, SensorReading, Wanted
+from crane_trajectory.control.pd_dead_zone import Gains, command
 from crane_trajectory.motion.motion import Reference
+
+# A plant led by a controller that is shown all of its sensors, and the reference ahead.
+
+
+class Led:
+    """Answers what sensors show, cycle by cycle, from rest."""
+
+    def __init__(
+        self,
+        controller: Controller,
+        plant: MachineInMotion,
+        sensors: Sensors,
+        now: Reference,
+        ahead: Reference,
+    ):
+        """`now` is the reference of each cycle, `ahead` the one `controller.preview` later."""
+        joints = plant.machine.joint_names
+        self._controller, self._plant, self._sensors = controller, plant, sensors
+        self._now, self._ahead = now, ahead
+        self._fitted = [joints.index(name) for name in sensors.cylinders]
+        self._nothing = np.full(len(joints), np.nan)
+        self._last: float | None = None
+        self._read: list[Pressures] = []
+        controller.start(np.zeros(len(joints)))
+
+    def command(self, k: int, time: float, q: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """Commands (j,) that answer what encoders show (j,), (j,) in cycle k, at its time [s]."""
+        plant, at = self._plant, np.array([time])
+        chambers = plant.pressure_a[np.newaxis], plant.pressure_b[np.newaxis]
+        read = self._sensors.pressures(
+            *chambers, np.array([plant.supply_pressure]), plant.tank_pressure, at
+        )
+        self._read.append(read)
+        p_a, p_b = self._nothing.copy(), self._nothing.copy()
+        p_a[self._fitted], p_b[self._fitted] = read.chamber_a[0], read.chamber_b[0]
+        now, ahead = (Point(*(part[k] for part in one[:3])) for one in (self._now, self._ahead))
+        dt = 0.0 if self._last is None else time - self._last
+        self._last = time
+        reading = SensorReading(q, velocity, p_a, p_b, float(read.supply[0]))
+        return self._controller.command(dt, reading, Wanted(now, ahead))
+
+    @property
+    def pressures(self) -> Pressures:
+        """What transducers showed in all cycles."""
+        return Pressures(*(np.concatenate(parts) for parts in zip(*self._read, strict=True)))
+
 
 REST = 1.0  # s, recorded at rest before and after the motion
 
@@ -139,3 +192,131 @@ def record(
         reference=reference,
         truth=TrueStates(times, q, v, a, p_a, p_b, force, flow),
     )
+
+
+# A plant behind a bus: commands come into force some time after they were given.
+
+DELAY, SPREAD = 0.005, 0.010  # s, of the bus and the computers of the live suite
+SHORTEST = 1e-6  # s, below which nothing is simulated
+
+
+def mean_delay(period: float, delay: float = DELAY, spread: float = SPREAD) -> float:
+    """Of a command that is given every `period` s [s].
+
+    A command waits for those before it, so the mean lies above `delay` + `spread` / 2: of the
+    latest of `spread` U_j - j `period`, U_j evenly drawn from 0 to 1.
+    """
+    before = period * np.arange(np.ceil(spread / period))
+
+    def later_than(wait: float) -> float:
+        return float(1.0 - np.prod(np.minimum((wait + before) / spread, 1.0)))
+
+    kinks = (spread - before)[1:]
+    return delay + float(quad(later_than, 0.0, spread, points=kinks)[0])
+
+
+class LatePlant(Plant):
+    """Each command is in force `delay` s and up to `spread` s more, evenly drawn, after it was
+    given; a bus keeps the order. What was given stays in force until then.
+    """
+
+    def __init__(
+        self,
+        parameters: StandIn,
+        machine: Machine,
+        q0: np.ndarray,
+        planted: Sequence[Planted] = (),
+        delay: float = DELAY,
+        spread: float = SPREAD,
+        seed: int = 0,
+    ):
+        """As `Plant` has it; delays are drawn by `seed`."""
+        super().__init__(parameters, machine, q0, planted)
+        self._delay, self._spread = delay, spread
+        self._rng = np.random.default_rng([seed, 7])
+        self._waiting: deque[tuple[float, np.ndarray]] = deque()
+        self._in_force = np.zeros(len(machine.joint_names))
+
+    def advance(self, command: np.ndarray, duration: float) -> None:
+        """As `Plant` has it; `command` (j,) is given now."""
+        begin = self.time
+        due = begin + self._delay + self._rng.uniform(0.0, self._spread)
+        if self._waiting:
+            due = max(due, self._waiting[-1][0])
+        self._waiting.append((due, np.array(command, dtype=float)))
+        while self._waiting and self._waiting[0][0] < begin + duration:
+            due, following = self._waiting.popleft()
+            self._run(due - self.time)
+            self._in_force = following
+        self._run(begin + duration - self.time)
+
+    def _run(self, duration: float) -> None:
+        if duration > SHORTEST:
+            super().advance(self._in_force, duration)
+
+
+# The twin of a crane, its identified model, in place of the stand-in's plant.
+
+
+class TwinPlant:
+    """A `MachineInMotion`. Joints whose hydraulics the model lacks stand where they are.
+
+    The lag of the loop is left out of the valves: what carries the commands here has one of its
+    own.
+    """
+
+    def __init__(self, model: Model, machine: Machine, q0: np.ndarray):
+        """At rest at q0 (j,). `ConfigurationError` if the model is of another machine, or lacks
+        its hydraulics; `RangeError` if q0 is outside the limits or cannot be held.
+        """
+        if model.machine is None or model.machine.model_dump() != machine.model_dump():
+            raise ConfigurationError(
+                f"model '{model.name}' was not identified with the machine {machine.name}, as its "
+                "file has it now; name its machine by --machine, or identify it again"
+            )
+        self.machine = machine
+        self._columns = [machine.index(joint) for joint in model.joints]
+        self._twin = Twin(model, q0[np.newaxis, self._columns])
+        self._q = np.array(q0, dtype=float)
+        self.tank_pressure = machine.hydraulics.tank_pressure
+
+    @property
+    def standing(self) -> tuple[str, ...]:
+        """The joints that do not move."""
+        return tuple(one for one in self.machine.joint_names if one not in self._twin.joints)
+
+    def advance(self, command: np.ndarray, duration: float) -> None:
+        """As `MachineInMotion` has it."""
+        self._twin.advance(np.asarray(command)[np.newaxis, self._columns], duration)
+
+    def leak(self, passed: np.ndarray) -> None:
+        """As `MachineInMotion` has it: none can."""
+        if passed.any():
+            raise RangeError("the pistons of a twin leak as its model says: it cannot be changed")
+
+    @property
+    def q(self) -> np.ndarray:
+        """(j,) rad, m."""
+        now = self._q.copy()
+        now[self._columns] = self._twin.position[0]
+        return now
+
+    @property
+    def pressure_a(self) -> np.ndarray:
+        """(j,) Pa; half of the supply's where the joint stands."""
+        return self._chambers(0)
+
+    @property
+    def pressure_b(self) -> np.ndarray:
+        """(j,) Pa; half of the supply's where the joint stands."""
+        return self._chambers(1)
+
+    @property
+    def supply_pressure(self) -> float:
+        """Pa."""
+        return float(self._twin.pressures[2][0])
+
+    def _chambers(self, chamber: int) -> np.ndarray:
+        found = np.full(len(self._q), 0.5 * self.supply_pressure)
+        found[self._columns] = self._twin.pressures[chamber][0]
+        return found

@@ -2,8 +2,8 @@
 
 import pytest
 
-from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver.can.health import Acceptance
 from crane_driver.can.layout import Layout
 from crane_driver.faults import Fault, FaultKind
 

@@ -21,8 +21,7 @@ from unit.crane_driver.can.traffic import (
     readings,
 )
 
-from crane_driver.can.assembly import Assembly
-from crane_driver.can.cycles import LEARNT
+from crane_driver.can.assembly import LEARNT, Assembly
 
 
 @given(st.sampled_from(sorted(BUSES)), st.integers(0, 2**31))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.can.sampling import LEARNT, PROMPT_TIMEOUT_S, SamplingClock
+from crane_driver.can.decoder import LEARNT, PROMPT_TIMEOUT_S, SamplingClock
 
 CYCLE = 0.005  # s
 BEGIN = 100.0  # s

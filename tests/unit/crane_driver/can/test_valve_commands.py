@@ -16,13 +16,13 @@ from crane_bags.reader import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
 from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec, MachineCodec
-from crane_driver.can.foreign import HeardCommands
 from crane_driver.can.frame import Frame, show_id
+from crane_driver.can.health import HeardCommands
 from crane_driver.can.layout import Layout
 from crane_driver.decode import main
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.safety.commands import RefusedError
-from crane_driver.safety.settings import load_safety
+from crane_driver.safety.limits import load_safety
 from crane_driver.safety.states import SafetyState
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine

@@ -9,8 +9,7 @@ import yaml
 from crane_driver.can.binding import load_layout
 from crane_driver.can.canopen_settings import Device
 from crane_driver.can.frame import Frame
-from crane_driver.canopen.devices import RETRY, Devices
-from crane_driver.canopen.watch import NodeState
+from crane_driver.canopen.devices import RETRY, Devices, NodeState
 from crane_driver.faults import Fault, FaultKind
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from crane_driver.safety.limits import JointLimiter
-from crane_driver.safety.settings import load_safety
+from crane_driver.safety.limits import JointLimiter, load_safety
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file

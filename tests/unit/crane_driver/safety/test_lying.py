@@ -5,7 +5,7 @@ from unit.crane_driver.safety.supervised import CYCLE, SAFETY, Bench
 
 from crane_driver.faults import FaultKind
 from crane_driver.safety.commands import RefusedError
-from crane_driver.safety.lying import LyingEncoders
+from crane_driver.safety.plausibility import LyingEncoders
 from crane_driver.safety.states import SafetyState
 
 FOUND = {"inner_boom": "its encoder: drift"}

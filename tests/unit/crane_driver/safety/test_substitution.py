@@ -16,10 +16,9 @@ from unit.crane_driver.safety.supervised import (
 
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.commands import RefusedError
-from crane_driver.safety.limits import MARGIN
-from crane_driver.safety.settings import load_safety
+from crane_driver.safety.limits import MARGIN, load_safety
+from crane_driver.safety.plausibility import CAUTION, JointEstimate
 from crane_driver.safety.states import SafetyState
-from crane_driver.safety.substitution import CAUTION, JointEstimate
 from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
 

@@ -17,8 +17,7 @@ from unit.crane_driver.safety.supervised import (
 
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.commands import RefusedError, check_valves
-from crane_driver.safety.news import Level, News
-from crane_driver.safety.states import TRANSITIONS, Event, SafetyState
+from crane_driver.safety.states import TRANSITIONS, Event, Level, News, SafetyState
 from crane_driver.safety.supervisor import Output
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy import constants
 
-from crane_identification.data.column_map import Column, ColumnMap
-from crane_identification.data.units import UNITS
+from crane_identification.data.column_map import UNITS, Column, ColumnMap
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
 

@@ -31,7 +31,7 @@ from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
 from crane_model.terms.gravity_and_load import Payload
-from crane_model.terms.load import Load
+from crane_model.terms.term import Load
 
 F_C = 2  # index of Coulomb friction
 

@@ -14,7 +14,7 @@ from crane_identification.diagnosis.search.search import search
 from crane_identification.diagnosis.search.wanted import wanted
 from crane_identification.diagnosis.unknown_wording import lines
 from crane_identification.options import Options
-from crane_model.progress import silent
+from crane_model.progress_bar import silent
 
 SEEDS = range(4)  # three recordings to train on
 STIFFER = 1  # the one of them that differs

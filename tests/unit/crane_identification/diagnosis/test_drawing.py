@@ -15,8 +15,8 @@ from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import solve
 from crane_identification.diagnosis.search.shapes import Drawn, Shapes
 from crane_identification.thresholds import load_thresholds
-from crane_model.terms.drawn import hats
 from crane_model.terms.drawn_force import DrawnPositionForce
+from crane_model.terms.drawn_friction import hats
 
 THRESHOLDS = load_thresholds()
 KNOTS = tuple(np.linspace(-3.0, 3.0, 9).tolist())

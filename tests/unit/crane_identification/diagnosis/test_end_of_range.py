@@ -28,7 +28,7 @@ from crane_model.machine import load_machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting
-from crane_model.terms.end_cushioning import EndCushioning
+from crane_model.terms.joint_term import EndCushioning
 from crane_model.terms.single_axis import Inertia
 
 JOINT, LOWEST, HIGH = "telescope", 0.5, 1.55  # m, where it goes at least, and where it ends

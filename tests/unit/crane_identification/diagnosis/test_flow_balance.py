@@ -9,8 +9,7 @@ from unit.crane_model.test_flow import BANDS, BETA, GAINS, JOINT, LEAK, PLAY, mo
 
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.runs import Run
-from crane_identification.diagnosis.flow.flow import examine
-from crane_identification.diagnosis.flow.hydraulics import Flow
+from crane_identification.diagnosis.flow.flow import Flow, examine
 from crane_identification.diagnosis.flow.usual import Usual
 from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.thresholds import load_thresholds

@@ -13,9 +13,8 @@ from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import single_axis
-from crane_model.terms.friction import Coulomb, Viscous
-from crane_model.terms.friction_temperature import TemperatureViscosity
-from crane_model.terms.stiction import Stiction
+from crane_model.terms.friction import Coulomb, TemperatureViscosity, Viscous
+from crane_model.terms.presliding import Stiction
 from crane_model.terms.term import Setting
 
 STEP, SPEED, UNSEEN = 0.01, 0.05, 0.01  # s, m/s, m after a stop until rows are used

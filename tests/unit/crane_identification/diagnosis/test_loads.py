@@ -20,7 +20,7 @@ from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_model.model_file import Model
 from crane_model.terms.gravity_and_load import Payload
-from crane_model.terms.load import Load
+from crane_model.terms.term import Load
 
 MASSES = (0.0, 6.5, 0.0, 6.5, 12.0)  # kg, of the recordings to train on
 HELD_OUT = 4.0

@@ -11,7 +11,7 @@ from crane_identification.diagnosis.search.shapes import Shapes
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_model.terms import REGISTRY
-from crane_model.terms.drawn import DRAWING
+from crane_model.terms.drawn_friction import DRAWING
 
 FACTOR = 20
 FOLLOWING = sorted(kind for kind, cls in DRAWING.items() if cls.variable != "lead")

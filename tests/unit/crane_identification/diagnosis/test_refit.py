@@ -26,8 +26,7 @@ from crane_identification.diagnosis.search.selection import solve
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY
-from crane_model.terms.friction import Viscous
-from crane_model.terms.friction_speed import Stribeck
+from crane_model.terms.friction import Stribeck, Viscous
 
 ACCELERATION, NOISE = normal(1), 0.5
 SPEED, EXPONENT, FRICTION = 0.0335, 1.0, 8.0  # of the Stribeck curve, between points of the grid

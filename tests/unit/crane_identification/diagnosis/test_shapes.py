@@ -32,7 +32,7 @@ from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import load_model, save_model
 from crane_model.terms import REGISTRY
-from crane_model.terms.drawn import hats
+from crane_model.terms.drawn_friction import hats
 
 FORCE = 3.0  # N rms of what is added
 SEEDS = range(5)  # four recordings to train on, one to validate on

@@ -15,7 +15,7 @@ from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY
 from crane_model.terms.force_scale import PressureGain
-from crane_model.terms.friction_speed import QuadraticViscous
+from crane_model.terms.friction import QuadraticViscous
 from crane_model.terms.single_axis import Inertia
 from crane_model.terms.term import Setting
 

@@ -19,7 +19,7 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting
-from crane_model.terms.effect import Variable
+from crane_model.terms.term import Variable
 
 NAMES = {"inner_boom": "main", "outer_boom": "jib", "telescope": "ram"}
 FACTOR = 20

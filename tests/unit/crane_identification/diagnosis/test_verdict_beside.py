@@ -16,7 +16,7 @@ from unit.crane_identification.diagnosis.test_verdict import (
 from crane_identification.diagnosis.answer.answer import with_flow, with_pulsation, with_too_little
 from crane_identification.diagnosis.answer.verdict import Answer, Verdict, judge
 from crane_identification.diagnosis.decision.decision import Decision
-from crane_identification.diagnosis.flow.hydraulics import Flow, Gain, Quantity
+from crane_identification.diagnosis.flow.flow import Flow, Gain, Quantity
 from crane_identification.diagnosis.proof.proof import Proof, objection
 from crane_identification.diagnosis.proof.pulsation import Line, Pulsation, pulsations
 

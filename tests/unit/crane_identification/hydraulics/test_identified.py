@@ -15,9 +15,11 @@ from unit.crane_identification.hydraulics.valve_experiments import (
 )
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.hydraulics.identified import identify_hydraulics
-from crane_identification.hydraulics.joint_estimate import identify_joint
-from crane_identification.hydraulics.motion_estimate import identify_motion
+from crane_identification.hydraulics.joint_estimate import (
+    identify_hydraulics,
+    identify_joint,
+    identify_motion,
+)
 from crane_identification.hydraulics.passage import passages
 from crane_model.errors import DataError
 from crane_model.machine_files import machine_file

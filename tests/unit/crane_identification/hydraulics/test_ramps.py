@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import yaml
 
-from crane_driver.operator.bringup.dead_band import average, fit_dead_band
 from crane_driver.operator.bringup.samples import Trace
 from crane_driver.operator.bringup.series import DeadBands, Result
+from crane_driver.operator.bringup.valves import average, fit_dead_band
 from crane_identification.hydraulics.ramps import with_ramps
 from crane_model.cylinders import lever_arm
 from crane_model.errors import DataError

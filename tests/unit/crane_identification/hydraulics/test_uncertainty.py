@@ -5,8 +5,7 @@ import pytest
 from scipy import signal
 
 from crane_identification.hydraulics.balance import CUT_OFF, ORDER, WHITENED, PassageRows
-from crane_identification.hydraulics.counts import between_counts
-from crane_identification.hydraulics.passage import Passage
+from crane_identification.hydraulics.passage import Passage, between_counts
 from crane_identification.hydraulics.projection import block_covariance
 
 STEP = 0.005  # s

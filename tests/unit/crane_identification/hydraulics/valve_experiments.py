@@ -9,18 +9,16 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
-from crane_sim.hiding.slewing import SLEW, Slewing
+from crane_sim.hiding.calibrate import SLEW, Slewing
 from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.plant.closed_loop import SimulatedRecording, record
-from crane_sim.plant.late_plant import LatePlant
+from crane_sim.plant.closed_loop import LatePlant, SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_sim.planted_hydraulics import hydraulics_of
-from crane_trajectory.control.controller import load_gains
+from crane_sim.planted import hydraulics_of
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.motion.probe import Probe
+from crane_trajectory.motion.periodic import Probe, load_trajectory
 
 MACHINE = load_machine()
 FITTED = tuple(j for j in MACHINE.joint_names if MACHINE.cylinders[j].pressure_sensors)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crane_identification.online.correlation import ResidualCorrelation
+from crane_identification.online.recursion import ResidualCorrelation
 
 LONG = 40_000
 LAGS = 40

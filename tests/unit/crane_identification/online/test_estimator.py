@@ -18,7 +18,7 @@ from unit.crane_identification.synthetic import AXIS_THETA, axis_log, axis_model
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.estimation.least_squares import least_squares
-from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.regression import Rows
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
 from crane_identification.online.replay import recursion, replay
 from crane_model.cylinders import generalized_forces

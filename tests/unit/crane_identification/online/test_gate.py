@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crane_identification.online.gate import Gate
+from crane_identification.online.estimator import Gate
 from crane_identification.online.smoother import Smoothed
 from crane_identification.signals.gate import SIGMAS
 

@@ -10,8 +10,7 @@ from unit.crane_identification.online.online_crane import START, crane, record_l
 from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.estimator import OnlineEstimator
-from crane_identification.online.mapped_topics import mapped_listeners
-from crane_identification.online.topics import Listener
+from crane_identification.online.topics import Listener, mapped_listeners
 from crane_model.errors import CraneError
 
 STATES, ARRAY, PRESSURE = (

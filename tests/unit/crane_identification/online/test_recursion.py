@@ -5,7 +5,7 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from crane_identification.estimation.least_squares import least_squares
-from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.regression import Rows
 from crane_identification.online.recursion import Recursion
 
 JOINTS, PARAMETERS = 3, 20

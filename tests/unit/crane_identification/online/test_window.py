@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from crane_identification.online.estimator import Row, Window
 from crane_identification.online.smoother import Smoothed
-from crane_identification.online.window import Row, Window
 
 STEP, HALF, EVERY = 10_000_000, 8, 4
 START = 1_700_000_000_000_000_000

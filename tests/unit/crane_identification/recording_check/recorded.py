@@ -10,12 +10,12 @@ from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
-from crane_sim.hiding.slewing import slewing
+from crane_sim.hiding.calibrate import slewing
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.plant.closed_loop import Course, SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory

@@ -13,10 +13,9 @@ from crane_identification.recording_check.forces import crane
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.hiding.calibrate import calibrate
-from crane_sim.hiding.spec import HiddenEffect, Spec
-from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.parts.variation import vary
-from crane_trajectory.control.controller import load_gains
+from crane_sim.hiding.label import HiddenEffect, Spec
+from crane_sim.parts.parameters import StandIn, load_stand_in, vary
+from crane_trajectory.control.pd_dead_zone import load_gains
 
 DYNAMIC = machine_file("stand_in_dynamic_friction.yaml")
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crane_identification.recording_check.load_share import Leftover
+from crane_identification.recording_check.loads import Leftover
 
 CHANGE, END = 20.0, np.inf
 MASS = 30.0  # kg

@@ -12,7 +12,7 @@ from crane_benchmark.observing.machines import stock
 from crane_identification.data.bag_log import read_bag
 from crane_identification.data.log import Log
 from crane_identification.options import Options
-from crane_identification.preparation.session import Session
+from crane_identification.preparation.prepare import Session
 from crane_identification.recording_check.loads import (
     APART,
     loads_in_words,

@@ -5,8 +5,7 @@ import pytest
 from unit.crane_identification.report.synthetic_crane import RATE, crane_model
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.report.errors import left_out
-from crane_identification.report.recording import recorded
+from crane_identification.report.content import left_out, recorded
 from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_model.cylinders import generalized_forces

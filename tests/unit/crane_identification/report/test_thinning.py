@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from crane_identification.report.thinning import thin
+from crane_identification.report.figure import thin
 
 CURVES = arrays(float, st.integers(2, 400), elements=st.floats(-1e6, 1e6) | st.just(float("nan")))
 

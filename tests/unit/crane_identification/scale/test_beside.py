@@ -5,7 +5,7 @@ import pytest
 
 from crane_identification.scale.beside import Beside
 from crane_model.errors import CraneError, DataError
-from crane_model.progress import Progress
+from crane_model.progress_bar import Progress
 
 
 def squared(number: float, progress: Progress) -> float:

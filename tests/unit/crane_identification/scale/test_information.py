@@ -8,7 +8,7 @@ import pytest
 from unit.crane_identification.online.online_crane import crane, motion
 
 from crane_identification.estimation.least_squares import least_squares
-from crane_identification.estimation.rows import Rows, balancing, solve_weighted
+from crane_identification.estimation.regression import Rows, balancing, solve_weighted
 from crane_identification.scale.information import BLOCK, Information
 from crane_model.errors import DataError
 from crane_model.model_file import Model

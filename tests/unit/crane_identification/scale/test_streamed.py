@@ -12,7 +12,7 @@ from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.recording_log import read_recording
 from crane_identification.fitting import fit
 from crane_identification.options import Estimator, Options
-from crane_identification.scale.streamed import fit_streamed
+from crane_identification.scale.summed import fit_streamed
 from crane_model.model_file import load_model
 
 MAP = """

@@ -7,9 +7,7 @@ import pytest
 
 from crane_bags.types import JOINT_STATES
 from crane_bags.writer import offered_qos
-from crane_nodes.recording.bag import RecordedBag, Split
-from crane_nodes.recording.definitions import installed_definition
-from crane_nodes.recording.metadata import RecordedTopic
+from crane_nodes.recording.bag import RecordedBag, RecordedTopic, Split, installed_definition
 
 STEP = 5_000_000  # ns
 

@@ -14,9 +14,7 @@ from crane_bags.reader import read_topics
 from crane_bags.types import JOINT_STATES, ROBOT_DESCRIPTION
 from crane_bags.writer import offered_qos
 from crane_model.errors import DataError
-from crane_nodes.recording.bag import RecordedBag, Split
-from crane_nodes.recording.definitions import installed_definition
-from crane_nodes.recording.metadata import RecordedTopic
+from crane_nodes.recording.bag import RecordedBag, RecordedTopic, Split, installed_definition
 
 Recorder = Callable[..., Path]
 SAMPLE = "rosbag2_samples/mcap/convert_a/metadata.yaml"

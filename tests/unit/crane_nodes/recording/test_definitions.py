@@ -8,7 +8,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from crane_interfaces.msg import ValveCommand
 from crane_model.errors import DataError
-from crane_nodes.recording.definitions import hash_of, installed_definition, message_class
+from crane_nodes.recording.bag import hash_of, installed_definition, message_class
 
 
 @pytest.fixture

@@ -18,10 +18,8 @@ from crane_bags.types import (
 )
 from crane_bags.writer import offered_qos
 from crane_model.errors import DataError
-from crane_nodes.recording.bag import RecordedBag
-from crane_nodes.recording.definitions import installed_definition
-from crane_nodes.recording.metadata import RecordedTopic
-from crane_nodes.recording.playback import PlaybackPace, Selection, schedule, select
+from crane_nodes.recording.bag import RecordedBag, RecordedTopic, installed_definition
+from crane_nodes.recording.player_node import PlaybackPace, Selection, schedule, select
 
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock")
 TOPICS = (JOINT_STATES, VALVE_COMMAND, ROBOT_DESCRIPTION, CLOCK)

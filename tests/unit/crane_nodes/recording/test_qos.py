@@ -10,8 +10,7 @@ from rclpy.qos import (
     qos_check_compatible,
 )
 
-from crane_nodes.recording.qos import DEPTH, offer, request
-from crane_nodes.recording.ros import offered, profile
+from crane_nodes.recording.ros import DEPTH, offer, offered, profile, request
 
 PROFILES = [
     QoSProfile(depth=depth, reliability=reliability, durability=durability)

@@ -15,10 +15,8 @@ from rosbags.rosbag2 import Reader, StoragePlugin
 from crane_bags.reader import read_topics
 from crane_bags.types import JOINT_STATES
 from crane_model.errors import DataError
-from crane_nodes.recording.bag import Split
-from crane_nodes.recording.metadata import RecordedTopic
-from crane_nodes.recording.recover import main, recover
-from crane_nodes.recording.salvage import Salvage
+from crane_nodes.recording.bag import RecordedTopic, Split
+from crane_nodes.recording.recover import Salvage, main, recover
 
 Recorder = Callable[..., Path]
 COUNT, FLUSH = 200, 20

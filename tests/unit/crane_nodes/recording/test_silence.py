@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_nodes.recording.silence import (
+from crane_nodes.recording.recorder_node import (
     SHORTEST_SILENCE_S,
     SILENCE_PAUSES,
     Rhythm,

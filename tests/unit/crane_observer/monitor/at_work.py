@@ -15,8 +15,8 @@ from crane_model.hydraulics.values import (
 )
 from crane_model.machine import load_machine
 from crane_model.model_file import Model
+from crane_observer.monitor.replay import SensorWatch
 from crane_observer.monitor.tolerance import Tolerance
-from crane_observer.monitor.watching import SensorWatch
 from crane_sim.parts.parameters import StandIn
 
 ONSET = 14.0  # s, when all joints move

@@ -9,13 +9,13 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_observer.monitor.history import of_block, summed
+from crane_observer.monitor.replay import SensorWatch
 from crane_observer.monitor.tolerance import NAMES, JointTolerance, Tolerance, learn
-from crane_observer.monitor.watching import SensorWatch
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory

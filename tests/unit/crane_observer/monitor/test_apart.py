@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from crane_observer.monitor.apart import level
+from crane_observer.monitor.tolerance import level
 
 ONCE_IN = 3600.0  # windows: once in ten hours of ten seconds each
 LAWS = {

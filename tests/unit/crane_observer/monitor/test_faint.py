@@ -7,11 +7,10 @@ import pytest
 from scipy.optimize import brentq
 from unit.crane_observer.monitor.at_work import Heard
 
-from crane_model.hydraulics.chambers import roots
-from crane_model.hydraulics.stepping import chamber_flows
+from crane_model.hydraulics.stepping import chamber_flows, roots
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of
-from crane_observer.monitor.faint import error_of_drop
+from crane_observer.monitor.blocks import error_of_drop
 from crane_observer.monitor.signatures import Part
 from crane_observer.monitor.tolerance import Tolerance
 

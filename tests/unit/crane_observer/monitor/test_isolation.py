@@ -10,10 +10,10 @@ from crane_model.model_file import Model
 from crane_observer.monitor.finding import RivalEncoder, SensorFinding
 from crane_observer.monitor.isolation import CLEARLY, DOUBTED, EXPLAINS, Suspect, encoder_behind
 from crane_observer.monitor.monitor import SensorComparison
+from crane_observer.monitor.replay import SensorWatch
 from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance
-from crane_observer.monitor.watching import SensorWatch
-from crane_observer.node.topics import findings_message
+from crane_observer.node.observer_node import findings_message
 
 ENCODER = Suspect(Part.ENCODER, "boom", Wrong.DRIFT, 0.0, 3.0, 2.0, 0.1, "m/s", 0.01)
 SWAPPED = Suspect(Part.PRESSURES, "boom", Wrong.SWAPPED, 0.0, 3.0, 1.0, 0.0, "", 0.0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_observer.monitor.jumps import BESIDE, JumpWatch
+from crane_observer.monitor.readings import BESIDE, JumpWatch
 
 STEP, PERIOD, COUNT = 4.8e-5, 0.005, 800  # rad, s, readings
 

@@ -9,9 +9,9 @@ from unit.crane_observer.monitor.at_work import ONSET, Heard, Lie, changed, exch
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
 from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.replay import Heed, SensorWatch
 from crane_observer.monitor.signatures import Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance
-from crane_observer.monitor.watching import Heed, SensorWatch
 
 NOISE = np.random.default_rng(4).standard_normal(10_000)
 LIES: dict[str, tuple[Lie, Part, set[Wrong], float]] = {

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_observer.monitor.reading_watch import ReadingWatch
-from crane_observer.monitor.readings import LOOKED, PINNED, ReadingHabits
+from crane_observer.monitor.readings import LOOKED, PINNED, ReadingHabits, ReadingWatch
 from crane_observer.monitor.signatures import Part, Wrong
 
 STEP = 4.8e-5  # rad

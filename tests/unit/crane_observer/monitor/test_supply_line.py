@@ -7,7 +7,7 @@ from unit.crane_observer.monitor.at_work import Heard
 from crane_benchmark.observing.cycles import LiftingPlant, WorkCycles
 from crane_benchmark.observing.machines import stock
 from crane_model.model_file import Model
-from crane_observer.monitor.supply_line import MOST, SupplyLine
+from crane_observer.monitor.blocks import MOST, SupplyLine
 from crane_observer.monitor.tolerance import Tolerance
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.sampled import Sensors

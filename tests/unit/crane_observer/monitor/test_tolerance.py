@@ -5,11 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from crane_observer.monitor.allowed import between, taken
 from crane_observer.monitor.blocks import BLOCK
-from crane_observer.monitor.history import Sums
+from crane_observer.monitor.history import TERMS, Sums, between, taken
 from crane_observer.monitor.tolerance import ROOM, learn
-from crane_observer.monitor.trim import TERMS
 
 COUNT = 50
 LATE, CREEP, EDGE = 0.01, 0.03, 0.5  # s, m/s, of the play

@@ -7,9 +7,7 @@ import pytest
 from unit.crane_observer.scale.made_windows import BY_MASS, DRY, HOP, MOVING, STANDING, window
 
 from crane_observer.scale.changes import OTHERS, Changes, OtherLoad
-from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import MASS, LoadFilter
-from crane_observer.scale.kinds import CARRIED
+from crane_observer.scale.filter import CARRIED, MASS, LoadFilter, ModelDoubt
 from crane_observer.scale.weighing import TipLoad
 
 

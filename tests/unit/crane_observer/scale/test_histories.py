@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from unit.crane_observer.scale.made_windows import BY_MASS, HOP, MOVING, STANDING, window
 
-from crane_observer.scale.changes import NEW, Changes, OtherLoad
-from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import MASS, Balanced, LoadFilter
-from crane_observer.scale.histories import AHEAD, MOST, UNLIKELY, Histories
+from crane_observer.scale.changes import AHEAD, MOST, NEW, UNLIKELY, Changes, Histories, OtherLoad
+from crane_observer.scale.filter import MASS, Balanced, LoadFilter, ModelDoubt
 
 REST = [0.0] * STANDING
 UP, DOWN = REST + [1.0] * MOVING, REST + [-1.0] * MOVING

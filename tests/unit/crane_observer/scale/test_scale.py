@@ -15,15 +15,20 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_observer.recording import HeardRecording
 from crane_observer.scale.balance import MeanMotion, TipMechanics
-from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import Balanced, LoadFilter
-from crane_observer.scale.histories import Histories
-from crane_observer.scale.lifts import LiftLog, lifts
-from crane_observer.scale.readings import HeldReadings
-from crane_observer.scale.replay import weigh
-from crane_observer.scale.scale import WORST, Scale, ScaleCondition, Weighing
+from crane_observer.scale.changes import Histories
+from crane_observer.scale.filter import Balanced, LoadFilter, ModelDoubt
+from crane_observer.scale.scale import (
+    WORST,
+    HeldReadings,
+    LiftLog,
+    Scale,
+    ScaleCondition,
+    Weighing,
+    lifts,
+    means,
+    weigh,
+)
 from crane_observer.scale.weighing import attainable
-from crane_observer.scale.window import means
 from crane_sim.parts.mujoco_model import add_body, chain_positions, link_name, machine_spec
 from crane_sim.parts.parameters import load_stand_in
 

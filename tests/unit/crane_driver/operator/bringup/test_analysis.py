@@ -7,12 +7,17 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import TransferFunction, lsim
 
-from crane_driver.operator.bringup.dead_band import average, fit_dead_band
-from crane_driver.operator.bringup.encoder import find_encoder
-from crane_driver.operator.bringup.polarity import Nudge, find_polarity
-from crane_driver.operator.bringup.pressure import find_offset
-from crane_driver.operator.bringup.response import StepFit, first_gains, fit_step
 from crane_driver.operator.bringup.samples import ROTARY, Rest, Trace, at_rest, moved
+from crane_driver.operator.bringup.sensors import find_encoder, find_offset
+from crane_driver.operator.bringup.valves import (
+    Nudge,
+    StepFit,
+    average,
+    find_polarity,
+    first_gains,
+    fit_dead_band,
+    fit_step,
+)
 from crane_model.errors import DataError
 
 RESOLUTION = 4.8e-5

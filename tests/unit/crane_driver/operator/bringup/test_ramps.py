@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from crane_driver.operator.bringup.bench import Bench
-from crane_driver.operator.bringup.dead_band import average
 from crane_driver.operator.bringup.motion import Mover, Tick
 from crane_driver.operator.bringup.ramps import unhurried
 from crane_driver.operator.bringup.samples import JointInstant, Rest
+from crane_driver.operator.bringup.valves import average
 from crane_model.errors import DataError
 from crane_model.machine import load_machine
 from crane_sim.parts.parameters import load_stand_in

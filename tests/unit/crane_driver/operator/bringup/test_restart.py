@@ -13,9 +13,9 @@ from rclpy.node import Node
 
 from crane_driver.driver_parameters import driver_parameters
 from crane_driver.operator.bringup.main import command_parser
-from crane_driver.operator.bringup.restart import Parameters, driver_command, next_command
+from crane_driver.operator.bringup.terminal import Parameters, driver_command, next_command
 from crane_model.machine import load_machine
-from crane_nodes.command_line import own_arguments, ros_arguments
+from crane_nodes.managed import own_arguments, ros_arguments
 from crane_nodes.parameters import declare
 
 PARAMETERS = driver_parameters(load_machine(), "laboratory_crane")

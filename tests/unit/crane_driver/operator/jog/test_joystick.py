@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.operator.jog.joystick import CENTRE, SILENCE, Axis, Joystick
+from crane_driver.operator.jog.jog_input import CENTRE, SILENCE, Axis, Joystick
 from crane_driver.operator.jog.motion import Demand
 
 AXES = {"slew": Axis(0, 1), "inner_boom": Axis(2, -1)}

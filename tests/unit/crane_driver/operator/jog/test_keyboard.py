@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.operator.jog.keyboard import FIRST_STEP, PAIRS, REQUESTS, STEPS, Keyboard, Request
+from crane_driver.operator.jog.jog_input import (
+    FIRST_STEP,
+    PAIRS,
+    REQUESTS,
+    STEPS,
+    Keyboard,
+    Request,
+)
 from crane_driver.operator.jog.motion import Demand
 
 HOLD = 0.12

@@ -7,15 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.operator.panel.arming import WAIT_S, Arming, new_token
+from crane_driver.operator.panel.crane_watch import OLDEST_READING_S, ShownReadings, plain
 from crane_driver.operator.panel.pages import (
     LONGEST_REASON,
     MOST_PAGES,
     PAGE_SILENCE_S,
+    WAIT_S,
+    Arming,
     Pages,
     legible,
+    new_token,
 )
-from crane_driver.operator.panel.picture import OLDEST_READING_S, ShownReadings, plain
 from crane_driver.operator.panel.web import host_allowed
 
 JSON = st.recursive(
