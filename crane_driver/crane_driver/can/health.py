@@ -274,7 +274,7 @@ class HeardCommands:
         return self._decoder.unknown
 
     @property
-    def conflicts(self) -> Mapping[str, tuple[str, str]]:
+    def conflicts(self) -> dict[str, tuple[str, str]]:
         """Valve commands that two devices send, and their identifiers."""
         return self._decoder.conflicts
 

@@ -23,7 +23,7 @@ CHANGED = 2.0
 """Standard deviations by which a parameter must move for its change to be reported."""
 
 
-class Change(NamedTuple):
+class ParameterChange(NamedTuple):
     """A parameter with an entry of the prior, and its value and standard deviation without it."""
 
     parameter: str
@@ -44,14 +44,14 @@ class Contradiction(NamedTuple):
     known: str
     sigmas: float
     freedom: int
-    changes: tuple[Change, ...]
+    changes: tuple[ParameterChange, ...]
 
 
 class PriorConflict(NamedTuple):
     """All `contradictions`, the largest first, and the `changes` without all these entries."""
 
     contradictions: tuple[Contradiction, ...]
-    changes: tuple[Change, ...]
+    changes: tuple[ParameterChange, ...]
 
 
 def check_prior(rows: Rows, prior: Prior, covariance: Covariance) -> PriorConflict:
@@ -122,13 +122,13 @@ class _PriorCheck:
         spread = spread_of(rows, weights, alone.values, alone.bread, covariance)
         self._excess = float(np.trace(spread.likely @ (self._matrix.T @ self._matrix))) / rank
 
-    def changes(self, left_out: set[int]) -> tuple[Change, ...]:
+    def changes(self, left_out: set[int]) -> tuple[ParameterChange, ...]:
         """Parameters that move if these entries are left out, the largest change first."""
         before, after = self._posterior(set()), self._posterior(left_out)
         std_devs = np.sqrt(np.diag(after.covariance))
         moved = np.abs(after.values - before.values) / np.maximum(std_devs, np.finfo(float).tiny)
         return tuple(
-            Change(
+            ParameterChange(
                 self._rows.names[i],
                 self._rows.units[i],
                 float(before.values[i]),

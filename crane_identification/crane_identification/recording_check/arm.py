@@ -40,7 +40,7 @@ SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for e
 
 
 @dataclass(frozen=True)
-class Moved:
+class ArmMotion:
     """Motion and generalized force (n, j) behind one low-pass; `moving` (n, j) where friction has
     one sign.
     """
@@ -50,7 +50,7 @@ class Moved:
     moving: np.ndarray
 
     @classmethod
-    def of(cls, log: Log, model: Model | None) -> "Moved":
+    def of(cls, log: Log, model: Model | None) -> "ArmMotion":
         """The longest run without a gap; `DataError` if it is too short or nothing moves."""
         samples = resample(log)
         rows = np.flatnonzero(samples.run == np.bincount(samples.run).argmax())
@@ -94,7 +94,7 @@ class Moved:
         return cls(record, smooth(force), moving)
 
 
-def signs(moved: Moved) -> Iterator[Suspicion]:
+def signs(moved: ArmMotion) -> Iterator[Suspicion]:
     """Joints whose force would feed friction and inertia alike; needs no model.
 
     The force is regressed on weight and inertia of all joints, and on own friction.
@@ -131,7 +131,7 @@ def signs(moved: Moved) -> Iterator[Suspicion]:
 class _Fit:
     """Rows of (28) where joints move, each joint's scaled by the rms of its force."""
 
-    def __init__(self, model: Model, moved: Moved):
+    def __init__(self, model: Model, moved: ArmMotion):
         self.model, self.moved = model, moved
         every = max(1, int(moved.moving.sum()) // (ROWS * 2))
         used = np.zeros_like(moved.moving)
@@ -182,7 +182,7 @@ class _Basis(NamedTuple):
         return float(np.linalg.norm(force - self.predicted(force)) / np.linalg.norm(force))
 
 
-def arm(model: Model, moved: Moved) -> Iterator[Suspicion]:
+def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
     """What the model of the user cannot explain, and one mistake that would explain it."""
     fit = _Fit(model, moved)
     basis = fit.basis(moved.record)

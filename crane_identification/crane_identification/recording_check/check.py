@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from crane_identification.data.log import Log
-from crane_identification.recording_check.arm import Moved, arm, signs
+from crane_identification.recording_check.arm import ArmMotion, arm, signs
 from crane_identification.recording_check.clocks import clocks, missing, sampling
 from crane_identification.recording_check.grid import grid
 from crane_identification.recording_check.positions import positions
@@ -83,7 +83,7 @@ def _forces(log: Log, model: Model | None) -> tuple[list[Suspicion], tuple[str, 
     if log.force is None and model is None:
         return [], lacking
     try:
-        moved = Moved.of(log, model)
+        moved = ArmMotion.of(log, model)
         found = list(signs(moved))
         if model is None or model.joints != log.joints:
             return found, lacking

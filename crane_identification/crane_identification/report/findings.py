@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.data.log import Log
-from crane_identification.estimation.prior_check import CHANGED, Change, PriorConflict
+from crane_identification.estimation.prior_check import CHANGED, ParameterChange, PriorConflict
 from crane_identification.fitting import FitResult
 from crane_identification.notation import (
     NONE,
@@ -116,7 +116,7 @@ def _contradicted(conflict: PriorConflict) -> list[str]:
     return notes
 
 
-def _changes(changes: Sequence[Change]) -> str:
+def _changes(changes: Sequence[ParameterChange]) -> str:
     """The largest changes in words."""
     if not changes:
         return f"no parameter moves by more than {plain(CHANGED)} σ, as other priors agree with it"

@@ -52,7 +52,7 @@ __all__ = [
 
 _MODULES = {
     "hiding.calibrate": ("calibrate",),
-    "hiding.spec": ("HiddenEffect", "Spec", "load_spec"),
+    "hiding.label": ("HiddenEffect", "Spec", "load_spec"),
     "make_bag": ("make",),
     "parts.parameters": ("StandIn", "load_stand_in", "save_stand_in"),
     "plant.closed_loop": ("SimulatedRecording", "record"),

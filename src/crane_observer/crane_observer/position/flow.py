@@ -1,7 +1,8 @@
 """What flows into the chambers over a window of some samples, compiled.
 
 Commands are followed through the valves as `crane_model.hydraulics.stepping` has them, and what
-passes the metering edges is the flow there, at the measured pressures. Whatever depends on the position is left to those who know it: sums of a window hold for every pose.
+passes the metering edges is the flow there, at the measured pressures. Whatever
+depends on the position is left to the caller: sums of a window hold for every pose.
 """
 
 import math
