@@ -152,7 +152,10 @@ class _Fit:
         return _Basis(*np.linalg.qr(columns / norms), self.low * norms)
 
     def factors(self, basis: "_Basis") -> tuple[np.ndarray, float]:
-        """(j,) of the forces of the joints, that make them agree, the first 1; and what is left."""
+        """(j,) of the forces of the joints, that make them agree, the first 1; and what is left.
+
+        The residual of each joint is relative to its own force: a factor near 0 explains nothing.
+        """
         count = len(self.scale)
         factor, force = np.ones(count), self.force
         own = np.bincount(self.joint, self.force**2, minlength=count)
@@ -162,7 +165,9 @@ class _Fit:
             factor = np.divide(along, own, out=np.ones(count), where=own > 0.0)
             factor /= np.sqrt(np.mean(factor**2))
             force = factor[self.joint] * self.force
-        return factor / factor[0], basis.left(force)
+        residual = (force - basis.predicted(force)) / factor[self.joint]
+        left = float(np.linalg.norm(residual) / np.linalg.norm(self.force))
+        return factor / factor[0], left
 
 
 class _Basis(NamedTuple):

@@ -1,5 +1,6 @@
 """Forces of a robot with six axes: turned signs, zeros that are off, another unit of each joint."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,20 @@ def test_efforts_in_amperes_are_no_turned_sign(model: Model, good: Log) -> None:
     assert found.where == "forces" and "amperes" in found.cause
     factors = [float(part.split()[-1]) for part in found.cause.partition("agree: ")[2].split(", ")]
     np.testing.assert_allclose(factors, ampere[0] / ampere, rtol=0.15)
+
+
+@pytest.mark.parametrize(("axes", "ratio"), [([3, 5], 1.5), ([4, 5], 4.0), ([5], 4.0)])
+def test_a_force_that_the_model_lacks_is_not_a_unit(
+    model: Model, good: Log, axes: list[int], ratio: float
+) -> None:
+    """A hose that the axes twist: a factor near 0 would hide it, and explains nothing."""
+    assert good.force is not None
+    twist = good.position.value[:, axes].sum(axis=1)
+    force = good.force.value.copy()
+    for j in axes:
+        force[:, j] += ratio * force[:, j].std() * twist / twist.std()
+    lacking = replace(good, force=replace(good.force, value=force))
+    assert not check(model.machine, lacking, model).decisive
 
 
 def test_without_a_model_a_force_that_feeds_friction_is_found(good: Log) -> None:
