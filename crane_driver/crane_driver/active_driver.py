@@ -63,12 +63,13 @@ class ActiveDriver:
     def begin(self, realtime: RealTimeSettings) -> None:
         """Listen to commands and serve the bus; the threads that serve it are there."""
         self._be_punctual(realtime)
-        self._commands = self._node.create_subscription(
-            ValveCommand,
-            "valve_command",
-            self._command,  # type: ignore[arg-type]  # rclpy does not declare the second argument
-            DEPTH,
-        )
+        if not self.loop.listen_only:
+            self._commands = self._node.create_subscription(
+                ValveCommand,
+                "valve_command",
+                self._command,  # type: ignore[arg-type]  # rclpy omits the second argument
+                DEPTH,
+            )
         self._begun = self._stamp()
         self._findings = self._node.create_subscription(
             SensorFindings, "sensor_findings", self._found, LATCHED
@@ -77,13 +78,14 @@ class ActiveDriver:
         self._timer = self._node.create_timer(self.loop.cycle, self._due, clock=steady)
 
     def end(self) -> None:
-        """Ramp to neutral and close the bus."""
+        """Ramp to neutral, unless the driver only listens, and close the bus."""
         if self._timer:
             self._node.destroy_timer(self._timer)
         for one in filter(None, (self._commands, self._estimates, self._findings)):
             self._node.destroy_subscription(one)
-        self.loop.supervisor.disable()
-        moving = True
+        moving = not self.loop.listen_only
+        if moving:
+            self.loop.supervisor.disable()
         while moving:
             output = self.loop.supervisor.output(self._now())
             moving = output.enabled
@@ -145,6 +147,8 @@ class ActiveDriver:
             self._pressures.publish(cylinder_pressures(pressure_sample, self.loop.cylinders))
         for joint_sample in joints:
             self._joints.publish(joint_state(joint_sample, self.loop.joints))
+        for heard in self.loop.take_heard():
+            self._outputs.publish(valve_output(heard.stamp, heard.commands))
 
     def _due(self) -> None:
         """Do the work of a cycle of the valve frames."""

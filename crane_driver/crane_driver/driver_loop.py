@@ -7,7 +7,7 @@ from typing import NamedTuple
 from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec
-from crane_driver.can.foreign import ForeignCommands
+from crane_driver.can.foreign import ForeignCommands, HeardCommand, HeardCommands
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor, usable
 from crane_driver.can.layout import Layout
@@ -91,22 +91,29 @@ class DriverLoop:
         settings: SafetySettings,
         jerk_density: Mapping[str, float],
         now: float,
+        listen_only: bool = False,
     ):
-        """`ConfigurationError` if a joint has a valve but no position."""
-        check_valves(layout.valves, layout.positions)
+        """listen_only: nothing is ever sent. `ConfigurationError` if a joint has a valve but no
+        position.
+        """
+        valves = () if listen_only else layout.valves
+        check_valves(valves, layout.positions)
+        self.listen_only = listen_only
+        self._heard = HeardCommands(layout)
+        self._commands_heard: list[HeardCommand] = []
         self.joints = tuple(joint for joint in machine.joint_names if joint in layout.positions)
         measured = {name.split(".")[0] for name in layout.pressures if name not in LINES}
         self.cylinders = tuple(joint for joint in machine.joint_names if joint in measured)
-        self.cycle = min(message.cycle for message in layout.commands)
+        self.cycle = min(one.cycle for one in (layout.commands if valves else layout.readings))
         self.frames_of_cycle = layout.frames_of_cycle
         self.codec = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, now)
         self._acceptance = Acceptance(layout, settings.command_timeout)
         self._foreign = ForeignCommands(layout)
         self.devices = Devices(layout.devices)
-        self.supervisor = Supervisor(layout.valves, machine, settings, now)
+        self.supervisor = Supervisor(valves, machine, settings, now, listen_only)
         self._machine, self._settings = machine, settings
-        self._resolution = {joint: layout.resolution(joint) for joint in layout.valves}
+        self._resolution = {joint: layout.resolution(joint) for joint in valves}
         self._positions = Assembly(layout, "positions")
         self._position_cycle = max(one.cycle for one in layout.readings if one.positions)
         self._blind = layout.timing.late * self._position_cycle  # s without a complete cycle
@@ -155,7 +162,11 @@ class DriverLoop:
             if (of_device := self.devices.observe(frame)) is not None:
                 self.supervisor.can_faults(of_device, now)
                 continue
-            if foreign := self._foreign.observe(frame):
+            if self.listen_only:
+                command, faults = self._heard.observe(frame)
+                self.supervisor.can_faults(faults, now)
+                self._commands_heard += [command] if command else []
+            elif foreign := self._foreign.observe(frame):
                 self.supervisor.can_faults([foreign], now)
                 continue
             readings = self.codec.decode(frame)
@@ -180,6 +191,11 @@ class DriverLoop:
                 joints += self._joint_samples(readings.steady)
         joints += self._joint_samples(now)
         return joints, pressures
+
+    def take_heard(self) -> list[HeardCommand]:
+        """What others commanded the valves since the last call, if this driver only listens."""
+        heard, self._commands_heard = self._commands_heard, []
+        return heard
 
     def estimate(
         self, joint: str, stamp: int, motion: tuple[float, float, float], condition: str
@@ -213,12 +229,14 @@ class DriverLoop:
         return self.devices.start(now) if self.supervisor.state is SafetyState.OFFLINE else []
 
     def valve_frames(self, now: float, commanded: bool = False) -> list[Frame]:
-        """The valve frames if they are due at `now`, else none.
+        """The valve frames if they are due at `now`, else none; never, if it only listens.
 
         A command is sent on at once (`commanded`), so that it does not wait for the cycle; one that
         comes too soon after another, as soon as it may follow. A frame of the cycle holds up no
         command: sent just before the commands of a loop, it would hold up every one of them.
         """
+        if self.listen_only:
+            return []
         if commanded:
             if now - self._commanded < CLOSEST * self.cycle:
                 self._due = self._commanded + CLOSEST * self.cycle

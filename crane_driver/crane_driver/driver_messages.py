@@ -28,6 +28,7 @@ STATES = {
     SafetyState.DISABLED: DriverState.STATE_DISABLED,
     SafetyState.ENABLED: DriverState.STATE_ENABLED,
     SafetyState.DEGRADED: DriverState.STATE_DEGRADED,
+    SafetyState.LISTENING: DriverState.STATE_LISTENING,
     SafetyState.FAULT: DriverState.STATE_FAULT,
     SafetyState.ESTOP: DriverState.STATE_EMERGENCY_STOP,
 }
@@ -37,6 +38,7 @@ LEVELS = {
     SafetyState.DISABLED: DiagnosticStatus.OK,
     SafetyState.ENABLED: DiagnosticStatus.OK,
     SafetyState.DEGRADED: DiagnosticStatus.WARN,
+    SafetyState.LISTENING: DiagnosticStatus.OK,
     SafetyState.FAULT: DiagnosticStatus.ERROR,
     SafetyState.ESTOP: DiagnosticStatus.ERROR,
 }
@@ -58,7 +60,9 @@ def joint_state(sample: JointSample, joints: tuple[str, ...]) -> JointState:
 
 
 def valve_output(stamp: int, sent: Mapping[str, float]) -> ValveCommand:
-    """The message of valve_output: what the valves were `sent` at `stamp` [ns]."""
+    """The message of valve_output: what the valves were `sent` at `stamp` [ns], by this driver or,
+    where it only listens, by others.
+    """
     message = _valve_output(tuple(sent))
     _stamp(message.header, stamp)
     message.command = list(sent.values())
@@ -119,10 +123,13 @@ def inactive(name: str, lifecycle_state: str) -> DiagnosticStatus:
 def _safety(name: str, supervisor: Supervisor) -> DiagnosticStatus:
     fault = supervisor.faults.first
     faults = {key: f"{one.count} times: {one.fault}" for key, one in supervisor.faults.items()}
-    text = "; ".join([supervisor.state, *([fault.line] if fault else ())])
+    listening = [supervisor.cause] if supervisor.state is SafetyState.LISTENING else []
+    text = "; ".join([supervisor.state, *listening, *([supervisor.line(fault)] if fault else ())])
     if len(faults) > 1:
         text += f"; {len(faults) - 1} more, see the values"
     level = LEVELS[supervisor.state]
+    if listening and fault:
+        level = DiagnosticStatus.WARN
     if supervisor.limited and level == DiagnosticStatus.OK:
         level = DiagnosticStatus.WARN
         text += f"; {', '.join(supervisor.limited)} held back by the limits of Table 2"

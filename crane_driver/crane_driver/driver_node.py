@@ -32,7 +32,7 @@ from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.settings import load_safety
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_interfaces.srv import SubstituteEncoder
-from crane_model.errors import CraneError
+from crane_model.errors import ConfigurationError, CraneError
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
 from crane_model.urdf import urdf
@@ -95,6 +95,11 @@ class Driver(LifecycleNode):
             self._settings = read_parameters(self, self._machine)
             if self._time.simulated:
                 check_private(self._settings.bus)
+                if self._settings.listen_only:
+                    raise ConfigurationError(
+                        "listen_only and use_sim_time are both true; on simulated time the driver "
+                        "sends the steps of the simulated crane: set one of them to false"
+                    )
             self._new_loop()
         except CraneError as error:
             return self._failed(error)
@@ -109,7 +114,12 @@ class Driver(LifecycleNode):
         try:
             loop = self._new_loop()
             ends = frozenset({TIME}) if self._time.simulated else loop.frames_of_cycle
-            link = Link(self._settings.bus, self._received.trigger, cycle=ends).open()
+            link = Link(
+                self._settings.bus,
+                self._received.trigger,
+                cycle=ends,
+                listen_only=self._settings.listen_only,
+            ).open()
         except CraneError as error:
             return self._failed(error)
         topics = self._joints, self._pressures, self._outputs
@@ -154,12 +164,14 @@ class Driver(LifecycleNode):
 
     def _new_loop(self) -> DriverLoop:
         assert self._settings
+        listen_only = self._settings.listen_only
         return DriverLoop(
-            load_layout(self._machine, self._settings.mapping, self._settings.dbc),
+            load_layout(self._machine, self._settings.mapping, self._settings.dbc, listen_only),
             self._machine,
             load_safety(self._settings.safety, self._machine),
             self._settings.jerk_density,
             START_NS / NANOSECONDS if self._time.simulated else time.monotonic(),
+            listen_only,
         )
 
     def _receive(self) -> None:

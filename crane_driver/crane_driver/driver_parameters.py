@@ -46,6 +46,12 @@ SAFETY = Text(
     "",
     "YAML of the safety functions; empty: safety.yaml of the machine. At configure",
 )
+LISTEN_ONLY = Switch(
+    "listen_only",
+    False,
+    "Send nothing on the bus: publish what is read, and on valve_output what others command. The "
+    "mapping then needs no commands. At configure",
+)
 PRIORITY = Number(
     "realtime.priority",
     50,
@@ -88,7 +94,18 @@ def jerk_density_parameters(machine: Machine, name: str) -> dict[str, Number]:
 def driver_parameters(machine: Machine, name: str) -> tuple[NodeParameter, ...]:
     """All parameters of the driver of the machine called `name`, `MACHINE` first."""
     return (
-        *(MACHINE, AUTOSTART, INTERFACE, CHANNEL, BITRATE, OPTIONS, DBC, MAPPING, SAFETY),
+        *(
+            MACHINE,
+            AUTOSTART,
+            INTERFACE,
+            CHANNEL,
+            BITRATE,
+            OPTIONS,
+            DBC,
+            MAPPING,
+            SAFETY,
+            LISTEN_ONLY,
+        ),
         *jerk_density_parameters(machine, name).values(),
         *(PRIORITY, LOCK_MEMORY, LISTENERS),
     )
@@ -105,6 +122,7 @@ class DriverParameters:
     jerk_density: Mapping[str, float]
     realtime: RealTimeSettings
     listeners: Sequence[str]
+    listen_only: bool
 
 
 def read_parameters(node: Node, machine: Machine) -> DriverParameters:
@@ -124,4 +142,5 @@ def read_parameters(node: Node, machine: Machine) -> DriverParameters:
         jerk_density={joint: one.read(node) for joint, one in densities.items()},
         realtime=RealTimeSettings(int(PRIORITY.read(node)), LOCK_MEMORY.read(node)),
         listeners=LISTENERS.read(node).split(),
+        listen_only=LISTEN_ONLY.read(node),
     )

@@ -54,8 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
     start = time.perf_counter()
     results = (arguments.out / name for name in ("model.yaml", "findings.json", "report.html"))
     cli.check_out(*results, replace=arguments.replace)
-    if arguments.terms:
-        load_terms(arguments.terms)
+    own = load_terms(arguments.terms) if arguments.terms else ()
     model = load_model(arguments.model)
     why = "the gap is proved on recordings that took no part"
     refuse_overlap(arguments.train, arguments.validate, why)
@@ -86,6 +85,7 @@ def run(arguments: argparse.Namespace) -> None:
                 usual,
                 arguments.without,
                 arguments.fixed,
+                [str(one.model_fields["type"].default) for one in own],
             )
         provenance = Provenance.of(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -142,7 +142,8 @@ def parser() -> argparse.ArgumentParser:
         "--terms",
         type=Path,
         metavar="FILE",
-        help="Python file with terms of your own; those with an effect are sought, too",
+        help="Python file with terms of your own; those with an effect are sought, and reported "
+        "if they are not named, too",
     )
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_processing(result)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from ament_index_python.packages import get_package_prefix
-from integration.real_time import need_real_time
+from integration.processes import DRIVER, IMPATIENT
 from integration.workshop import OFFSETS, VALVES, WIRING, Tool, Workshop
 from laboratory_crane import JOINTS
 
@@ -27,10 +27,7 @@ from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
 from crane_trajectory.control.controller import command, load_gains
 
-pytestmark = pytest.mark.realtime
-
 MEASURED = ("inner_boom", "outer_boom")
-TRIES = 5  # of a step that a busy test machine fails
 QUICK = ["--seconds", "0.5", "--rate", "0.1", "--repeats", "1"]
 BEYOND = 0.09  # command, at which a valve is open beyond its dead bands
 SLOWLY = ["--seconds", "0.5", "--rate", "0.0125", "--repeats", "2"]  # as the slew is heavy
@@ -39,7 +36,6 @@ FAST = ["--joints", *MEASURED, *QUICK]
 
 @pytest.fixture(scope="module")
 def shop(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
-    need_real_time()
     one = Workshop(tmp_path_factory.mktemp("bringup"))
     try:
         drive_with(one, one.naive)
@@ -65,30 +61,21 @@ def banded(wired: Workshop) -> Workshop:
     return wired
 
 
-def drive_with(shop: Workshop, mapping: Path) -> None:
-    options = [f"bus.options:={shop.port}", f"mapping:={mapping}"]
-    shop.start_driver("--ros-args", *(word for option in options for word in ("-p", option)))
+def drive_with(shop: Workshop, mapping: Path, program: str = DRIVER) -> None:
+    options = [f"bus.options:={shop.port}", f"mapping:={mapping}", "use_sim_time:=true"]
+    shop.start_driver(
+        "--ros-args", *(word for option in options for word in ("-p", option)), program=program
+    )
     # valves: a driver that has not begun as yet cannot be ended properly
     shop.until(lambda: shop.true.keys() >= set(JOINTS) and shop.valves[0])
 
 
 def moves(shop: Workshop, step: str, *options: str) -> tuple[Tool, dict[str, float]]:
-    """Run a step that moves the crane, again where the test machine was too busy for it; the step,
-    and where the joints stood before.
-    """
-    for _ in range(TRIES):
-        before = {joint: shop.still(joint) for joint in MEASURED}
-        tool = Tool(shop, step, *FAST, *options)
-        if tool.agree() == 0:
-            return tool, before
-        require_busy(tool)
-    pytest.fail(f"{step} never ran to its end")
-
-
-def require_busy(tool: Tool) -> None:
-    """A step that failed may have done so because the test machine was too busy."""
-    busy = "too busy", "no /joint_states", "refuses commands", "only this ramp"
-    assert any(text in tool.output for text in busy), tool.output
+    """Run a step that moves the crane; the step, and where the joints stood before."""
+    before = {joint: shop.still(joint) for joint in MEASURED}
+    tool = Tool(shop, step, *FAST, *options)
+    assert tool.agree() == 0, tool.output
+    return tool, before
 
 
 def runs(shop: Workshop, step: str) -> list[Path]:
@@ -163,13 +150,9 @@ def test_what_is_not_confirmed_moves_nothing(shop: Workshop) -> None:
 
 def test_a_joint_that_moves_against_its_command_is_stopped(shop: Workshop) -> None:
     """Its polarity is asked for before the command has risen to its limit."""
-    for _ in range(TRIES):
-        before = shop.still("outer_boom")
-        tool = Tool(shop, "dead_band", *QUICK, "--joints", "outer_boom")
-        assert tool.agree() == 1
-        if "moves against" in tool.output:
-            break
-        require_busy(tool)
+    before = shop.still("outer_boom")
+    tool = Tool(shop, "dead_band", *QUICK, "--joints", "outer_boom")
+    assert tool.agree() == 1
     assert "outer_boom moves against its command" in tool.output
     assert "bringup valves" in tool.output
     assert shop.still("outer_boom") == pytest.approx(before, abs=0.02)
@@ -212,11 +195,7 @@ def test_identify_takes_the_valve_of_the_slew_from_its_ramps(
     wired: Workshop, tmp_path: Path
 ) -> None:
     """No bag tells it: the slew has no transducers."""
-    for _ in range(TRIES):
-        tool = Tool(wired, "dead_band", *SLOWLY, "--joints", "slew")
-        if tool.agree() == 0:
-            break
-        require_busy(tool)
+    assert Tool(wired, "dead_band", *SLOWLY, "--joints", "slew").agree() == 0
     ramps = runs(wired, "dead_band")[-1] / "result.yaml"
     bag, out = tmp_path / "bag", tmp_path / "identified"
     motion = "--trajectory", machine_file("excitation_20s.yaml"), "--periods", 3, "--seed", 5
@@ -251,32 +230,31 @@ def open_by(shop: Workshop, command: float) -> bool:
 
 def test_a_stall_costs_one_ramp(wired: Workshop) -> None:
     """The driver has a fault then, which is reset when the operator has said so."""
-    for _ in range(TRIES):
-        tool = Tool(wired, "dead_band", *QUICK, "--joints", "inner_boom")
-        tool.answer("yes")
-        wired.until(lambda: open_by(wired, 0.06) or tool.process.poll() is not None)  # noqa: B023
-        tool.process.send_signal(signal.SIGSTOP)
-        wired.until(lambda: not wired.valves[1] or not any(wired.valves[0].values()))
-        tool.process.send_signal(signal.SIGCONT)
-        status = tool.agree()
-        if "only this ramp of inner_boom is repeated" in tool.output and status == 0:
-            break  # else this test was late, and stopped it between two ramps
-        if status != 0:
-            require_busy(tool)
+    told = runs(wired, "valves")
+    mapping = told[-1] / "mapping.yaml" if told else wired.truth
+    drive_with(wired, mapping, IMPATIENT + DRIVER)
+    slowly = "--seconds", "0.5", "--rate", "0.03", "--repeats", "1"
+    tool = Tool(wired, "dead_band", *slowly, "--joints", "inner_boom")
+    tool.answer("yes")
+    wired.until(lambda: open_by(wired, 0.06))
+    tool.process.send_signal(signal.SIGSTOP)
+    wired.until(lambda: not wired.valves[1])
+    tool.process.send_signal(signal.SIGCONT)
+    assert tool.agree() == 0, tool.output
+    assert "only this ramp of inner_boom is repeated" in tool.output
+    drive_with(wired, mapping)
     assert "Reset the fault and repeat this ramp?" in tool.output
     (found,) = dead_bands(runs(wired, "dead_band")[-1])
     assert found == "inner_boom"
 
 
 def test_ctrl_c_while_it_moves_is_neutral_disabled_and_the_end(wired: Workshop) -> None:
-    for _ in range(TRIES):
-        before = runs(wired, "dead_band")
-        tool = Tool(wired, "dead_band", *FAST)
-        tool.answer("yes")
-        wired.until(lambda: open_by(wired, BEYOND) or tool.process.poll() is not None)  # noqa: B023
-        tool.process.send_signal(signal.SIGINT)
-        if tool.done() == 130:
-            break  # else this test was late, or the machine too busy
+    before = runs(wired, "dead_band")
+    tool = Tool(wired, "dead_band", *FAST)
+    tool.answer("yes")
+    wired.until(lambda: open_by(wired, BEYOND))
+    tool.process.send_signal(signal.SIGINT)
+    tool.done()
     wired.until(lambda: not wired.valves[1] and not any(wired.valves[0].values()))
     assert tool.process.returncode == 130
     assert runs(wired, "dead_band") == before

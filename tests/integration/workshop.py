@@ -11,12 +11,11 @@ from pathlib import Path
 
 import yaml
 from integration.processes import (
-    CONTROLLER_PRIORITY,
     DRIVER,
+    MACHINE,
     PATIENCE,
-    TIMING,
-    URGENT,
-    URGENT_MACHINE,
+    RUN,
+    SIMULATED_TIME,
     end,
     environment,
     free_port,
@@ -24,14 +23,16 @@ from integration.processes import (
     start,
 )
 
+from crane_bags.clocks import NANOSECONDS
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.link import Link
+from crane_driver.can.simulated_time import TIME, told_time
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
-BRINGUP = URGENT.format(module="crane_driver.operator.bringup.main", priority=CONTROLLER_PRIORITY)
+BRINGUP = RUN.format(module="crane_driver.operator.bringup.main")
 WIRING = {  # (sign, zero) of encoders, sign of valves
     "positions": {"inner_boom": (-1, 0.3), "outer_boom": (1, -0.2)},
     "commands": {"inner_boom": 1, "outer_boom": -1},
@@ -49,7 +50,6 @@ class Workshop:
     def __init__(self, folder: Path):
         self.folder = folder
         naive = yaml.safe_load(machine_file("can.yaml").read_text())
-        naive["timing"] = TIMING
         self.naive = folder / "naive.yaml"
         self.naive.write_text(yaml.safe_dump(naive))
         for joint, (sign, zero) in WIRING["positions"].items():
@@ -69,19 +69,20 @@ class Workshop:
         self._machine_side, self._driver_side = MachineCodec(layout), DriverCodec(layout)
         self.link = Link(BusSettings(extra={"port": int(self.port[5:])})).open()
         self.machine = start(
-            *(URGENT_MACHINE, "--bus-option", self.port, "--mapping", str(self.truth)),
-            *("--plant", str(plant), "--operator"),
+            *(MACHINE, "--bus-option", self.port, "--mapping", str(self.truth)),
+            *("--plant", str(plant), "--operator", "--lock-step"),
         )
         self.driver: subprocess.Popen[str] | None = None
         self.true: dict[str, float] = {}
-        self.seen = 0.0  # s, steady, when the newest frame came: a busy test machine is late
+        self.seen = 0.0  # s, simulated time of the newest cycle
         self.trail: list[float] = []  # of the inner boom
         self.valves: tuple[dict[str, float], bool] = ({}, False)
 
-    def start_driver(self, *arguments: str) -> None:
+    def start_driver(self, *arguments: str, program: str = DRIVER) -> None:
         if self.driver:
             assert end(self.driver) == 0
-        self.driver, self.valves = start(DRIVER, *arguments), ({}, False)
+            self.look()  # at what the old one has sent
+        self.driver, self.valves = start(program, *arguments), ({}, False)
 
     def restart_driver(self, tool: "Tool") -> None:
         """By the command line that a step has printed."""
@@ -102,8 +103,9 @@ class Workshop:
     def look(self) -> None:
         time.sleep(0.005)
         for frame in self.link.take():
-            self.seen = frame.steady
-            if readings := self._driver_side.decode(frame):
+            if (told := told_time(frame, TIME)) is not None:
+                self.seen = told / NANOSECONDS
+            elif readings := self._driver_side.decode(frame):
                 self.true |= readings.positions
                 self.trail.append(readings.positions.get("inner_boom", math.nan))
             elif readings := self._machine_side.decode(frame):
@@ -138,6 +140,7 @@ class Tool:
 
     def __init__(self, shop: Workshop, step: str, *options: str):
         arguments = [step, "--out", str(shop.folder / "bringup"), *options]
+        arguments += ["--ros-args", *SIMULATED_TIME]
         self.shop, self.output, self._read = shop, "", 0
         self.process = subprocess.Popen(
             line(BRINGUP, *arguments),

@@ -21,6 +21,8 @@ from crane_driver.can.layout import (
     Layout,
     MessageLayout,
     Protected,
+    ValveChannel,
+    ValveDirection,
 )
 from crane_driver.can.mapping import (
     LINES,
@@ -40,26 +42,34 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 
 LONGEST = 8  # bytes, of classical CAN
+NEUTRAL = 1e-6  # share of the full opening that counts as none
 QUANTITY = {"rad": "angle", "m": "length"}
+COMMAND_QUANTITIES = ("ratio", "pressure", "current")
 Entry = TypeVar("Entry")
 
 
-def load_layout(machine: Machine, mapping: Path | str, dbc: Path | str) -> Layout:
+def load_layout(
+    machine: Machine, mapping: Path | str, dbc: Path | str, listen_only: bool = False
+) -> Layout:
     """Layout of the mapping file and the DBC file of a machine.
 
-    `ConfigurationError` lists all that does not fit together: file, key, message, signal.
+    listen_only: nothing will be sent, so the mapping needs no commands, and those that it has need
+    not say what to send. `ConfigurationError` lists all that does not fit together: file, key,
+    message, signal.
     """
-    return _Binder(machine, Path(mapping), load(mapping, Mapping), load_dbc(dbc)).layout()
+    binder = _Binder(machine, Path(mapping), load(mapping, Mapping), load_dbc(dbc), listen_only)
+    return binder.layout()
 
 
 class _Binder:
-    def __init__(self, machine: Machine, path: Path, mapping: Mapping, dbc: Dbc):
+    def __init__(self, machine: Machine, path: Path, mapping: Mapping, dbc: Dbc, listen_only: bool):
         self.machine, self.path, self.mapping, self.dbc = machine, path, mapping, dbc
+        self.listen_only = listen_only
         self.problems: list[str] = []
         self.used: dict[str, str] = {}  # signal: key that uses it
         self.positions: dict[str, list[Channel]] = defaultdict(list)
         self.pressures: dict[str, list[Channel]] = defaultdict(list)
-        self.commands: dict[str, list[Channel]] = defaultdict(list)
+        self.commands: dict[str, list[ValveChannel]] = defaultdict(list)
         self.states: dict[str, list[DeviceState]] = defaultdict(list)
         self.echoes: dict[str, list[Echo]] = defaultdict(list)
         self.enable: dict[str, str] = {}
@@ -70,10 +80,6 @@ class _Binder:
         self._bind()
         received = dict.fromkeys((*self.positions, *self.pressures, *self.states, *self.echoes))
         sent = dict.fromkeys((*self.commands, *self.enable, *self.constants))
-        for name in received.keys() & sent.keys():
-            self._problem(
-                "commands", f"message {name} cannot both be sent and hold what is received"
-            )
         for name in self.protection.keys() - received.keys() - sent.keys():
             self._problem(f"protection.{name}", f"nothing else is mapped from message {name}")
         for message, echoes in self.echoes.items():
@@ -81,8 +87,8 @@ class _Binder:
                 self._problem(
                     f"protection.{name}.accepted", f"{message} accepts what is sent; {name} is not"
                 )
-        for name in sent:
-            self._require_every_signal(name)
+        if not self.listen_only:
+            self._check_sent(received, sent)
         self._require_free_identifiers((*received, *sent))
         readings = tuple(self._message(name) for name in received)
         commands = tuple(self._message(name) for name in sent)
@@ -104,8 +110,12 @@ class _Binder:
             self._bind_spool(f"commands.{name}", name, spool)
         for name, state in mapping.states.items():
             self._bind_state(f"states.{name}", name, state)
-        if mapping.enable and (found := self._use("enable", mapping.enable)):
-            self.enable[found[0].name] = found[1].name
+        enable = mapping.enable
+        for signal in (enable,) if isinstance(enable, str) else enable:
+            if found := self._use("enable", signal):
+                if found[0].name in self.enable:
+                    self._problem("enable", f"two signals of {found[0].name}; give one a message")
+                self.enable[found[0].name] = found[1].name
         for name, value in mapping.constants.items():
             self._bind_constant(f"constants.{name}", name, value)
         for name, protection in mapping.protection.items():
@@ -136,19 +146,105 @@ class _Binder:
         group[message.name].append(channel)
 
     def _bind_spool(self, key: str, name: str, entry: SpoolSignal) -> None:
-        found = self._use(key, entry.signal)
-        if not found or (unit := self._unit(key, found, entry.unit, "ratio")) is None:
+        if entry.signal:
+            side = 0 if entry.direction is None else 1
+            self._bind_side(key, name, entry, entry.signal, side)
+        if entry.positive and entry.negative:
+            self._bind_side(key, name, entry, entry.positive, entry.sign)
+            self._bind_side(key, name, entry, entry.negative, -entry.sign)
+
+    def _bind_side(
+        self, key: str, name: str, entry: SpoolSignal, signal_name: str, side: int
+    ) -> None:
+        """Bind a signal of a valve command that carries the commands of one `side`; 0: of both."""
+        found = self._use(key, signal_name)
+        direction = self._direction(f"{key}.direction", entry) if entry.direction else None
+        if not found or (unit := self._unit(key, found, entry.unit, *COMMAND_QUANTITIES)) is None:
+            return
+        if entry.full is None and (unit_of(entry.unit) or ("",))[0] != "ratio":
+            self._problem(
+                f"{key}.full",
+                f"full is needed: the signal at full opening, in {entry.unit}; where each side of "
+                "the valve has a signal, name them as positive and negative",
+            )
             return
         message, signal = found
-        bits = self._code_bits(message, signal)
-        channel = to_channel(name, signal, entry.sign * unit, 0.0, None, bits)
-        if not (channel.low <= -1 and channel.high >= 1):
+        gain = 1.0 / entry.full if entry.full else unit
+        least, most = min(side, 0) if side else -1, max(side, 0) if side else 1
+        channel = to_channel(
+            name, signal, (side or entry.sign) * gain, 0.0, None, self._code_bits(message, signal)
+        )
+        if side == 0 and max(channel.low, -channel.high) > -abs(channel.gain):
             self._problem(
                 f"{key}.signal",
-                f"signal {entry.signal} carries {channel.low:g} to {channel.high:g} as a ratio, a "
-                "spool command needs -1 to 1; correct its range or unit in the DBC",
+                f"signal {signal_name} carries {channel.low:g} to {channel.high:g} as a ratio, one "
+                "side of the valve only; give both sides as positive and negative, or direction",
             )
-        self.commands[message.name].append(channel)
+        elif not self.listen_only:
+            self._check_side(key, signal_name, channel, least, most)
+        self.commands[message.name].append(
+            ValveChannel(
+                channel.name,
+                channel.signal,
+                channel.gain,
+                channel.offset,
+                channel.low,
+                channel.high,
+                is_float=channel.is_float,
+                code_bits=channel.code_bits,
+                least=least,
+                most=most,
+                direction=direction,
+            )
+        )
+
+    def _check_side(
+        self, key: str, signal_name: str, channel: Channel, least: int, most: int
+    ) -> None:
+        if not (channel.low <= least and channel.high >= most):
+            self._problem(
+                key,
+                f"signal {signal_name} carries {channel.low:g} to {channel.high:g} as a ratio, a "
+                f"spool command needs {least} to {most}; correct its range or unit in the DBC, or "
+                "full",
+            )
+        neutral = channel.gain * channel.raw(0.0) + channel.offset
+        if (least == 0 or most == 0) and abs(neutral) > NEUTRAL:
+            self._problem(
+                key,
+                f"signal {signal_name} cannot carry 0, the nearest is {neutral:g} of the full "
+                "opening: a neutral command would open the valve; correct its offset in the DBC",
+            )
+
+    def _direction(self, key: str, entry: SpoolSignal) -> ValveDirection | None:
+        direction = entry.direction
+        assert direction is not None  # asked for nothing else
+        if not (found := self._use(key, direction.signal)):
+            return None
+        given = {
+            way: value
+            for way in ("positive", "negative", "neutral")
+            if (value := getattr(direction, way)) is not None
+        }
+        labels = {str(label): int(value) for value, label in (found[1].choices or {}).items()}
+        numbers = {
+            way: value if isinstance(value, int) else labels.get(value)
+            for way, value in given.items()
+        }
+        if unknown := [str(given[way]) for way, number in numbers.items() if number is None]:
+            self._problem(
+                key,
+                f"signal {direction.signal} has no value {', '.join(unknown)}; "
+                f"it has {', '.join(labels) or 'no value table'}",
+            )
+            return None
+        if len(set(numbers.values())) < len(numbers):
+            self._problem(key, f"two ways have one value: {given}")
+        positive, negative = numbers["positive"], numbers["negative"]
+        assert positive is not None and negative is not None  # checked above
+        if entry.sign < 0:
+            positive, negative = negative, positive
+        return ValveDirection(found[1].name, positive, negative, numbers.get("neutral"))
 
     def _bind_state(self, key: str, name: str, entry: StateSignal) -> None:
         if not (found := self._use(key, entry.signal)):
@@ -249,14 +345,17 @@ class _Binder:
         return found and found[1].name
 
     def _unit(
-        self, key: str, found: tuple[Message, Signal], unit: str, quantity: str
+        self, key: str, found: tuple[Message, Signal], unit: str, *quantities: str
     ) -> float | None:
         """Size of a signal's unit in SI units; None, and a problem noted, if it does not fit."""
         message, signal = found
-        fitting = ", ".join(name for name, (kind, _) in UNITS.items() if kind == quantity and name)
+        fitting = ", ".join(
+            name for name, (kind, _) in UNITS.items() if kind in quantities and name
+        )
         named = unit_of(unit)
-        if named is None or named[0] != quantity:
-            self._problem(f"{key}.unit", f"'{unit}' is none of {quantity}: {fitting}")
+        if named is None or named[0] not in quantities:
+            measured = " or ".join(quantities)
+            self._problem(f"{key}.unit", f"'{unit}' is none of {measured}: {fitting}")
             return None
         stated = signal.unit
         if stated and unit_of(stated) != named:
@@ -267,6 +366,19 @@ class _Binder:
             )
             return None
         return named[1]
+
+    def _check_sent(self, received: dict[str, None], sent: dict[str, None]) -> None:
+        """Whether all is known that is to be sent."""
+        if not self.mapping.commands:
+            self._problem(
+                "commands", "no valve is mapped; map one, or only listen (driver: listen_only)"
+            )
+        for name in received.keys() & sent.keys():
+            self._problem(
+                "commands", f"message {name} cannot both be sent and hold what is received"
+            )
+        for name in sent:
+            self._require_every_signal(name)
 
     def _require_every_signal(self, name: str) -> None:
         for signal in self.dbc.messages[name].signals:

@@ -54,8 +54,9 @@ class DriverCodec:
         values = {**self._neutral, **commands}
         frames = []
         for layout in self.layout.commands:
-            raw = raw_values("valve command", layout.commands, values)
-            raw |= self._constants[layout.name]
+            raw = dict(self._constants[layout.name])
+            for channel in layout.commands:
+                raw |= channel.counts(values[channel.name])
             if layout.enable:
                 raw[layout.enable] = int(enabled)
             frames.append(self._encoder.encode(layout, raw))

@@ -11,7 +11,7 @@ from cantools.j1939 import pgn_from_frame_id
 from crane_driver.can.bits import SignalBits
 from crane_driver.can.dbc import addressed
 from crane_driver.can.frame import Frame, show_id
-from crane_driver.can.layout import Channel, MessageLayout
+from crane_driver.can.layout import Channel, MessageLayout, ValveChannel
 from crane_driver.can.protection import frame_crc
 from crane_driver.can.signals import code_of
 from crane_driver.faults import Fault, FaultKind
@@ -61,6 +61,11 @@ class Decoder:
             for one in sources
         }
         self._of_group = {one.layout.group: one for one in sources if one.layout.group is not None}
+        # parts of valve commands by joint and signal: those of a pair may be in two messages
+        self._parts: dict[str, dict[tuple[str, str], float | None]] = {}
+        for one in messages:
+            for channel in one.commands:
+                self._parts.setdefault(channel.name, {})[one.name, channel.signal] = None
 
     def decode(self, frame: Frame) -> Readings | None:
         """Values of a frame; None, and counted, where the identifier is not of the layout."""
@@ -85,7 +90,7 @@ class Decoder:
             return readings
         _read(layout, layout.positions, raw, readings.positions, readings.faults)
         _read(layout, layout.pressures, raw, readings.pressures, readings.faults)
-        _read(layout, layout.commands, raw, readings.commands, readings.faults)
+        self._read_commands(layout, raw, readings)
         if layout.enable:
             readings.enabled = raw[layout.enable] == 1  # of two bits, 2 and 3 are codes
         if layout.protection.counter:
@@ -122,6 +127,19 @@ class Decoder:
             layout.name, frame.stamp, frame.steady, faults=[replace(fault, advice=advice)]
         )
 
+    def _read_commands(
+        self, layout: MessageLayout, raw: Mapping[str, Any], readings: Readings
+    ) -> None:
+        for channel in layout.commands:
+            value = _value(layout, channel, raw, readings.faults)
+            if value is not None:
+                value = _directed(layout, channel, value, raw, readings.faults)
+            self._parts[channel.name][layout.name, channel.signal] = value
+        for name in {channel.name for channel in layout.commands}:
+            parts = [one for one in self._parts[name].values() if one is not None]
+            if len(parts) == len(self._parts[name]):
+                readings.commands[name] = min(max(sum(parts), -1.0), 1.0)
+
 
 def _damage(layout: MessageLayout, data: bytes) -> Fault | None:
     if len(data) != layout.message.length:
@@ -148,27 +166,57 @@ def _read(
     faults: list[Fault],
 ) -> None:
     for channel in channels:
-        count = raw.get(channel.signal)
-        if count is None:  # multiplexed, and not in this frame
-            continue
-        value = channel.gain * count + channel.offset
-        if channel.fault and raw.get(channel.fault):
-            detail = f"{channel.name}: {channel.fault} is set"
-            faults.append(layout.fault(FaultKind.SENSOR, detail, channel.name))
-        elif channel.low <= value <= channel.high:
+        value = _value(layout, channel, raw, faults)
+        if value is not None:
             values[channel.name] = value
-        elif code := code_of(channel.code_bits, count):
-            detail = f"{channel.name}: {channel.signal} is 0x{count:X}, which means {code}"
-            faults.append(layout.fault(FaultKind.SENSOR, detail, channel.name))
-        else:
-            faults.append(
-                layout.fault(
-                    FaultKind.OUT_OF_RANGE,
-                    f"{channel.name} is {value:g}, {channel.signal} goes from {channel.low:g} "
-                    f"to {channel.high:g}",
-                    channel.name,
-                )
-            )
+
+
+def _value(
+    layout: MessageLayout, channel: Channel, raw: Mapping[str, Any], faults: list[Fault]
+) -> float | None:
+    """SI value; None where there is none: not in this frame, or a fault that is noted."""
+    count = raw.get(channel.signal)
+    if count is None:  # multiplexed
+        return None
+    value: float = channel.gain * count + channel.offset
+    if channel.fault and raw.get(channel.fault):
+        detail = f"{channel.name}: {channel.fault} is set"
+        faults.append(layout.fault(FaultKind.SENSOR, detail, channel.name))
+        return None
+    if channel.low <= value <= channel.high:
+        return value
+    if code := code_of(channel.code_bits, count):
+        detail = f"{channel.name}: {channel.signal} is 0x{count:X}, which means {code}"
+        faults.append(layout.fault(FaultKind.SENSOR, detail, channel.name))
+        return None
+    faults.append(
+        layout.fault(
+            FaultKind.OUT_OF_RANGE,
+            f"{channel.name} is {value:g}, {channel.signal} goes from {channel.low:g} "
+            f"to {channel.high:g}",
+            channel.name,
+        )
+    )
+    return None
+
+
+def _directed(
+    layout: MessageLayout,
+    channel: ValveChannel,
+    value: float,
+    raw: Mapping[str, Any],
+    faults: list[Fault],
+) -> float | None:
+    """Command of a magnitude; None, and a fault noted, if its direction says nothing of a way."""
+    if channel.direction is None:
+        return value
+    count = raw[channel.direction.signal]
+    sign = channel.direction.sign(int(count))
+    if sign is None:
+        detail = f"{channel.direction.signal} of {channel.name} is {count}, which is no direction"
+        faults.append(layout.fault(FaultKind.STATE, detail, channel.name))
+        return None
+    return sign * value
 
 
 def _read_states(layout: MessageLayout, raw: Mapping[str, Any], readings: Readings) -> None:

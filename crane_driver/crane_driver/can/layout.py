@@ -32,6 +32,44 @@ class Channel:
 
 
 @dataclass(frozen=True, slots=True)
+class ValveDirection:
+    """Signal that says which way a magnitude opens the valve, and its values for a command."""
+
+    signal: str
+    positive: int
+    negative: int
+    neutral: int | None
+
+    def sign(self, value: int) -> int | None:
+        """Sign of the command; None if the value says neither a way nor neutral."""
+        signs = {self.neutral: 0, self.negative: -1, self.positive: 1}
+        return signs.get(value)
+
+
+@dataclass(frozen=True, slots=True)
+class ValveChannel(Channel):
+    """A signal of a valve command: from `least` to `most` of -1 to 1.
+
+    The command of a valve is the sum of its channels: of one with both signs, or of one a side.
+    With a `direction` the signal carries the magnitude.
+    """
+
+    least: float = -1.0
+    most: float = 1.0
+    direction: ValveDirection | None = None
+
+    def counts(self, command: float) -> dict[str, float]:
+        """Raw values of its signals for a command, -1 to 1."""
+        if self.direction is None:
+            return {self.signal: self.raw(min(max(command, self.least), self.most))}
+        count = self.raw(abs(command))
+        way = self.direction.negative if command < 0.0 else self.direction.positive
+        if count == self.raw(0.0) and self.direction.neutral is not None:
+            way = self.direction.neutral
+        return {self.signal: count, self.direction.signal: way}
+
+
+@dataclass(frozen=True, slots=True)
 class DeviceState:
     """One mapped state of a device."""
 
@@ -82,7 +120,7 @@ class MessageLayout:
     cycle: float  # s
     positions: tuple[Channel, ...] = ()
     pressures: tuple[Channel, ...] = ()
-    commands: tuple[Channel, ...] = ()
+    commands: tuple[ValveChannel, ...] = ()
     states: tuple[DeviceState, ...] = ()
     echoes: tuple[Echo, ...] = ()
     enable: str | None = None
@@ -160,4 +198,4 @@ class Layout:
 
 
 def _names(groups: Iterable[tuple[Channel, ...]]) -> tuple[str, ...]:
-    return tuple(channel.name for group in groups for channel in group)
+    return tuple(dict.fromkeys(channel.name for group in groups for channel in group))

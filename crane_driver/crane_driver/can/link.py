@@ -39,7 +39,8 @@ class Link:
     `notify` is called by the receiving thread after a cycle or a train of frames, and after each
     fault; it must only wake the taker up. `capacity` bounds the queue; what it cannot hold drops
     the oldest. `cycle` holds the identifiers of the frames that come in every cycle: with the last
-    of them the taker is woken at once. Frames that no cycle waits for wake nobody then.
+    of them the taker is woken at once. Frames that no cycle waits for wake nobody then. A link that
+    is `listen_only` refuses to send.
     """
 
     def __init__(
@@ -48,8 +49,10 @@ class Link:
         notify: Callable[[], None] = lambda: None,
         capacity: int = 4096,
         cycle: frozenset[int] = frozenset(),
+        listen_only: bool = False,
     ):
         self._settings, self._notify, self._cycle = settings, notify, cycle
+        self._listen_only = listen_only
         self._lock = threading.Lock()
         self._frames: deque[Frame] = deque(maxlen=capacity)
         self._faults: deque[Fault] = deque(maxlen=capacity)
@@ -114,6 +117,8 @@ class Link:
 
     def send(self, frame: Frame) -> None:
         """Hand a frame to the bus without waiting; `BusError` if it cannot be sent."""
+        if self._listen_only:
+            raise BusError(f"CAN bus {self._settings} is only listened to; the frame was not sent")
         bus = self._bus
         if bus is None:
             raise BusError(f"CAN bus {self._settings} is {self.state}; the frame was not sent")

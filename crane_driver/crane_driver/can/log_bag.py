@@ -10,8 +10,9 @@ from crane_bags.clocks import LARGEST_JUMP
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
 from crane_bags.writer import BagWriter
 from crane_driver.can.assembly import Assembly, Complete
-from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver.can.codec import DriverCodec
 from crane_driver.can.decoder import Readings
+from crane_driver.can.foreign import HeardCommands
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
@@ -21,13 +22,14 @@ from crane_model.errors import DataError
 
 
 class LogBag:
-    """Writes /joint_states, /cylinder_pressures and /valve_command from frames.
+    """Writes /joint_states, /cylinder_pressures and /valve_command from frames, those that the
+    mapping has.
 
     Velocity and effort are NaN: they are no measurements, and who reads the bag computes them.
     """
 
     def __init__(self, bag: BagWriter, layout: Layout):
-        self._driver, self._machine = DriverCodec(layout), MachineCodec(layout)
+        self._driver, self._heard = DriverCodec(layout), HeardCommands(layout)
         self._monitor: Monitor | None
         self._newest: int  # ns
         self._layout = layout
@@ -40,7 +42,9 @@ class LogBag:
         self._cylinder_pressures = (
             bag.add_arrays(CYLINDER_PRESSURES, self._cylinders) if self._cylinders else None
         )
-        self._valve_command = bag.add_arrays(VALVE_COMMAND, layout.valves)
+        self._valve_command = (
+            bag.add_arrays(VALVE_COMMAND, layout.valves) if layout.valves else None
+        )
         self._left_out = 0  # cycles, before time went back
         self.written: Counter[str] = Counter()  # messages by topic
         self.faults: Counter[tuple[str, str]] = Counter()  # by message and kind
@@ -53,7 +57,8 @@ class LogBag:
     @property
     def unused(self) -> Mapping[tuple[int, bool], int]:
         """Frames that the mapping does not use, by identifier (and whether it is extended)."""
-        return self._driver.unknown
+        unknown = self._heard.unknown
+        return {key: count for key, count in self._driver.unknown.items() if key in unknown}
 
     def add(self, frame: Frame) -> None:
         """Write what this frame completes; if time goes back, cycles begin anew.
@@ -65,11 +70,13 @@ class LogBag:
             self._left_out = self.incomplete
             self._begin()
         self._newest = max(self._newest, frame.stamp)
-        if command := self._machine.decode(frame):
-            self._count(command.faults)
-            if not any(fault.kind in UNUSABLE for fault in command.faults):
-                self._command(command)
-        elif readings := self._driver.decode(frame):
+        command, faults = self._heard.observe(frame)
+        self._count(faults)
+        if command and self._valve_command:
+            spool = list(command.commands.values())
+            self._valve_command.write(command.stamp, command.stamp, spool)
+            self.written[VALVE_COMMAND.name] += 1
+        if readings := self._driver.decode(frame):
             self._monitor = self._monitor or Monitor(
                 self._layout.readings, self._layout.timing, frame.steady
             )
@@ -77,7 +84,7 @@ class LogBag:
             self._count(faults)
             if not any(fault.kind in UNUSABLE for fault in faults):
                 self._readings(readings)
-        for message, (first, second) in (self._driver.conflicts | self._machine.conflicts).items():
+        for message, (first, second) in (self._driver.conflicts | self._heard.conflicts).items():
             raise DataError(
                 f"message {message}: {first} and {second} both send it, and the DBC names neither; "
                 "write the id of the device that is meant into the DBC, or each as a message"
@@ -119,15 +126,6 @@ class LogBag:
             value.get("supply", math.nan),
             value.get("tank", math.nan),
         ]
-
-    def _command(self, command: Readings) -> None:
-        # spools that are not enabled are neutral, whatever the frame says
-        spool = [
-            command.commands.get(one, math.nan) if command.enabled is not False else 0.0
-            for one in self._layout.valves
-        ]
-        self._valve_command.write(command.stamp, command.stamp, spool)
-        self.written[VALVE_COMMAND.name] += 1
 
     def _count(self, faults: Iterable[Fault]) -> None:
         for fault in faults:

@@ -62,7 +62,7 @@ def decode(request: Request) -> str:
         table.write(out, log.stamps)
         return describe(log, table)
     assert request.mapping is not None  # checked above
-    layout = load_layout(request.machine, request.mapping, request.dbc)
+    layout = load_layout(request.machine, request.mapping, request.dbc, listen_only=True)
     table = LogTable(load_dbc(request.dbc), keep_codes=not layout.codes)
     bag = _write_bag(log, table, layout, out)
     lines = [*_describe_bag(out, bag), *_not_taken(table, bag, layout)]

@@ -28,6 +28,8 @@ UNITS = {
     "mbar": ("pressure", 1e2),
     "bar": ("pressure", 1e5),
     "psi": ("pressure", 6894.757293168),
+    "a": ("current", 1.0),
+    "ma": ("current", 1e-3),
     "": ("ratio", 1.0),
     "-": ("ratio", 1.0),
     **dict.fromkeys(("%", "percent", "prozent"), ("ratio", 1e-2)),
@@ -71,12 +73,46 @@ class PressureSignal(Schema):
     fault: SignalName | None = None
 
 
-class SpoolSignal(Schema):
-    """What the valve is sent: sign * command, command -1 to 1."""
+class Direction(Schema):
+    """Signal that says which way a magnitude opens the valve: values as the DBC's value table names
+    them, or numbers.
+    """
 
     signal: SignalName
+    positive: str | int
+    negative: str | int
+    neutral: str | int | None = None
+
+
+class SpoolSignal(Schema):
+    """What the valve is sent: sign * command, command -1 to 1.
+
+    One `signal` with both signs; or a `signal` without sign and its `direction`; or two one-sided
+    signals, `positive` and `negative`. `full`: the signal at a command of 1, in `unit`.
+    """
+
+    signal: SignalName | None = None
+    direction: Direction | None = None
+    positive: SignalName | None = None
+    negative: SignalName | None = None
     unit: str
+    full: Annotated[float, Field(gt=0)] | None = None
     sign: Literal[-1, 1] = 1
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        pair = (self.positive is not None, self.negative is not None)
+        if any(pair) == (self.signal is not None) or any(pair) != all(pair):
+            raise ValueError(
+                "give signal, or both positive and negative (one-sided signals of one valve)"
+            )
+        if self.direction is None:
+            return self
+        if self.signal is None:
+            raise ValueError("direction belongs to signal; positive and negative need none")
+        if self.direction.signal.split(".")[0] != self.signal.split(".")[0]:
+            raise ValueError(f"{self.direction.signal} and {self.signal} are not in one message")
+        return self
 
 
 class StateSignal(Schema):
@@ -135,8 +171,8 @@ class Mapping(Schema):
 
     positions: Annotated[dict[str, PositionSignal], Field(min_length=1)]
     pressures: dict[str, PressureSignal] = {}
-    commands: Annotated[dict[str, SpoolSignal], Field(min_length=1)]
-    enable: SignalName | None = None
+    commands: dict[str, SpoolSignal] = {}
+    enable: SignalName | tuple[SignalName, ...] = ()  # one a message
     constants: dict[SignalName, float] = {}  # other signals of the command messages, fixed
     states: dict[str, StateSignal] = {}
     protection: dict[str, Protection] = {}

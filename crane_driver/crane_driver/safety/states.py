@@ -27,6 +27,10 @@ class SafetyState(StrEnum):
         *("degraded", "a joint goes on by an estimate: speeds are limited"),
         "mend its encoder, disable, then substitute an empty joint",
     )
+    LISTENING = (  # and in no other state before it is configured anew
+        *("listening", "the driver only listens (parameter listen_only): it sends nothing"),
+        "to move or stop the crane, use what commands it",
+    )
     FAULT = "fault"  # ramped to neutral; latched until reset
     ESTOP = (  # neutral at once; latched until reset
         *("emergency stop", "the emergency stop of the driver was called"),
@@ -59,7 +63,11 @@ TRANSITIONS: dict[tuple[SafetyState, Event], SafetyState] = {
     # Not to DISABLED: whether the machine is well has to be seen anew.
     (SafetyState.FAULT, Event.RESET): SafetyState.OFFLINE,
     (SafetyState.ESTOP, Event.RESET): SafetyState.OFFLINE,
-    **{(state, Event.EMERGENCY_STOP): SafetyState.ESTOP for state in SafetyState},
+    **{
+        (state, Event.EMERGENCY_STOP): SafetyState.ESTOP
+        for state in SafetyState
+        if state is not SafetyState.LISTENING
+    },
 }
 """What is not in the table does not happen: in particular nothing but ENABLE leads to ENABLED."""
 

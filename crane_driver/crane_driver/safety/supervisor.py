@@ -30,8 +30,14 @@ class Supervisor:
     """All times are of the steady clock [s]; `now` never goes back."""
 
     def __init__(
-        self, valves: Sequence[str], machine: Machine, settings: SafetySettings, now: float
+        self,
+        valves: Sequence[str],
+        machine: Machine,
+        settings: SafetySettings,
+        now: float,
+        listen_only: bool = False,
     ):
+        """listen_only: nothing can be sent to the valves, of which there are none then."""
         self._valves, self._settings = tuple(valves), settings
         self._limiters = {
             joint: JointLimiter(machine.limits[joint], settings.deceleration[joint], settings)
@@ -44,7 +50,7 @@ class Supervisor:
         self._lying = LyingEncoders()
         self._stepped = now
         self._troubled = now  # when the last fault of the bus was seen
-        self.state = SafetyState.OFFLINE
+        self.state = SafetyState.LISTENING if listen_only else SafetyState.OFFLINE
         self.commands = CommandSeries(self._valves, settings)
         self.faults = LatchedFaults()
         self.limited: dict[str, float] = {}  # commands that the limits of Table 2 held back
@@ -68,6 +74,12 @@ class Supervisor:
         """What to do about it."""
         fault = self.faults.first
         return fault.remedy if fault and self.state is SafetyState.FAULT else self.state.remedy
+
+    def line(self, fault: Fault) -> str:
+        """One line for log and people: cause, consequence, remedy."""
+        if self.state is SafetyState.LISTENING:
+            return f"{fault}: {fault.remedy}"
+        return fault.line
 
     def command(self, names: Sequence[str], values: Sequence[float], received: float) -> None:
         """Take a command that came at `received`; `RefusedError` if it is refused as a whole."""
@@ -100,6 +112,7 @@ class Supervisor:
         `RefusedError` says what is in the way.
         """
         asked = f"no substitute for {joint}" if joint else "the substitute is not taken back"
+        self._refuse_listening(asked)
         if self.letting_through or any(self._output.values()):
             raise RefusedError(f"{asked}: the crane is {self.state}; disable first, at rest")
         if not joint:
@@ -182,12 +195,17 @@ class Supervisor:
         self._happen(Event.ENABLE_DEGRADED if degraded else Event.ENABLE)
 
     def disable(self) -> None:
-        """Ramp to neutral and let no more commands through; in other states nothing changes."""
+        """Ramp to neutral and let no more commands through; in other states nothing changes.
+
+        `RefusedError` if the driver only listens.
+        """
+        self._refuse_listening("not disabled")
         if self.letting_through:
             self._happen(Event.DISABLE)
 
     def emergency_stop(self) -> None:
-        """Neutral at once, latched."""
+        """Neutral at once, latched; `RefusedError` if the driver only listens."""
+        self._refuse_listening("the crane is not stopped")
         self._output = dict.fromkeys(self._valves, 0.0)
         self._happen(Event.EMERGENCY_STOP)
 
@@ -249,10 +267,16 @@ class Supervisor:
     def _estimate_problem(self, now: float) -> str:
         return self._substitution.problem(now) if self._substitution else ""
 
+    def _refuse_listening(self, asked: str) -> None:
+        if self.state is SafetyState.LISTENING:
+            raise RefusedError(f"{asked}: {self.state.cause}; {self.state.remedy}")
+
     def _latch(self, fault: Fault) -> None:
         if self.faults.add(fault):
             level = Level.ERROR if fault is self.faults.first else Level.DEBUG
-            self.news.append(News(level, fault.line))
+            if self.state is SafetyState.LISTENING:
+                level = Level.WARNING  # nothing follows from it
+            self.news.append(News(level, self.line(fault)))
         if (self.state, Event.FAULT) in TRANSITIONS:
             self._happen(Event.FAULT)
 

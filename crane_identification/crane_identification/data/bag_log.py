@@ -14,6 +14,7 @@ from crane_bags.types import (
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
+    VALVE_OUTPUT,
     Topic,
 )
 from crane_identification.data.log import Log, Signal
@@ -32,9 +33,10 @@ def read_bag(
     """The signals of `joints` in a bag of either storage, recorded by anyone.
 
     Positions are required, and chamber pressures or, in their place, the effort of /joint_states,
-    which is the generalized force; topics that are not there are named in `missing`. The topics are
-    those in `namespace` (None: the one that the bag holds). `DataError` names bag, topic and remedy
-    (see `crane_bags.reader`).
+    which is the generalized force; topics that are not there are named in `missing`. Without
+    /valve_command, as in a recording of a driver that only listens, commands are those of
+    /valve_output. The topics are those in `namespace` (None: the one that the bag holds).
+    `DataError` names bag, topic and remedy (see `crane_bags.reader`).
     """
     namespace = namespace_of(path) if namespace is None else namespace
     joint_states = JOINT_STATES.within(namespace)
@@ -42,7 +44,10 @@ def read_bag(
         topic.within(namespace) for topic in (CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
     )
     cylinder_pressures, valve_command, joint_reference = may_lack
-    topics = read_topics(path, (joint_states,), may_lack, progress)
+    valve_output = VALVE_OUTPUT.within(namespace)
+    topics = read_topics(path, (joint_states,), (*may_lack, valve_output), progress)
+    if valve_command.name not in topics:
+        valve_command = valve_output
     states = topics[joint_states.name].select(joints)
     pressures = topics.get(cylinder_pressures.name)
     pressures = pressures and pressures.select(joints)

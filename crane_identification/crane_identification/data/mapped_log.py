@@ -89,7 +89,7 @@ def _series(streams: Mapping[str, Stream], source: Source) -> _Series:
         for one in source.readings
     ]
     base = parts[0].stream
-    value = np.sum([_at(base, part) for part in parts], axis=0)
+    value = source.combined([_at(base, part) for part in parts])
     return _Series(base, value, source.label)
 
 

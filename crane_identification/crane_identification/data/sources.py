@@ -1,6 +1,7 @@
 """What a column map names: columns of tables, fields of topics, and sums of them."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -40,6 +41,10 @@ class Reading(Schema):
     def readings(self) -> tuple["Reading", ...]:
         """Itself: what is read to know the quantity."""
         return (self,)
+
+    def combined(self, values: Sequence[np.ndarray]) -> np.ndarray:
+        """The quantity (n,) out of those of its `readings`."""
+        return values[0]
 
     @property
     @abstractmethod
@@ -129,7 +134,12 @@ def _kind(content: Any) -> str | None:
     """Which kind of source an entry is, by the key that only this kind has."""
     if isinstance(content, Schema):
         return f"<{type(content).__name__}>"
-    kinds = {"column": "<Column>", "topic": "<TopicField>", "sum": "<Sum>"}
+    kinds = {
+        "column": "<Column>",
+        "topic": "<TopicField>",
+        "sum": "<Sum>",
+        "size": "<Directed>",
+    }
     found = [kinds[key] for key in kinds if isinstance(content, dict) and key in content]
     return found[0] if len(found) == 1 else None
 
@@ -137,7 +147,7 @@ def _kind(content: Any) -> str | None:
 _NO_KIND = Discriminator(
     _kind,
     custom_error_type="source",
-    custom_error_message="needs one of the keys column (of a table), topic (of a bag) and sum",
+    custom_error_message="needs one of the keys column (table), topic (bag), sum and size",
 )
 Addend = Annotated[
     Annotated[Column, Tag("<Column>")] | Annotated[TopicField, Tag("<TopicField>")], _NO_KIND
@@ -171,6 +181,10 @@ class Sum(Schema):
         """What is added."""
         return self.sum
 
+    def combined(self, values: Sequence[np.ndarray]) -> np.ndarray:
+        """The sum (n,)."""
+        return np.asarray(np.sum(values, axis=0))
+
     @property
     def label(self) -> str:
         """All of them."""
@@ -181,10 +195,48 @@ class Sum(Schema):
         )
 
 
-Source = Column | TopicField | Sum
+class Directed(Schema):
+    """A reading without sign, and one that says which way it counts: `size` where `direction` has
+    the value `positive`, -size where it is `negative`, and 0 elsewhere.
+    """
+
+    size: Addend
+    direction: Addend
+    positive: float
+    negative: float
+
+    @property
+    def quantity(self) -> str:
+        """That of the size."""
+        return self.size.quantity
+
+    @property
+    def unit(self) -> str:
+        """That of the size."""
+        return self.size.unit
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """Size and direction."""
+        return self.size, self.direction
+
+    def combined(self, values: Sequence[np.ndarray]) -> np.ndarray:
+        """The size with its sign (n,)."""
+        size, direction = values
+        sign = 1.0 * (direction == self.positive) - 1.0 * (direction == self.negative)
+        return np.where(np.isfinite(direction), sign * size, np.nan)
+
+    @property
+    def label(self) -> str:
+        """Size and direction."""
+        return f"{self.size.label} by {self.direction.label}"
+
+
+Source = Column | TopicField | Sum | Directed
 AnySource = Annotated[
     Annotated[Column, Tag("<Column>")]
     | Annotated[TopicField, Tag("<TopicField>")]
-    | Annotated[Sum, Tag("<Sum>")],
+    | Annotated[Sum, Tag("<Sum>")]
+    | Annotated[Directed, Tag("<Directed>")],
     _NO_KIND,
 ]

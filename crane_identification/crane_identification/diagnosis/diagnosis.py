@@ -114,11 +114,13 @@ def diagnose(
     usual: Usual | None = None,
     without: Collection[str] = (),
     fixed: bool = False,
+    own: Collection[str] = (),
 ) -> Diagnosis:
     """Where `model` disagrees with the recordings, and why.
 
     `usual` says what is usual of the hydraulics (None: the packaged values). `without` names
-    effects (types of terms) that the answer is sought without: what else could it be?
+    effects (types of terms) that the answer is sought without: what else could it be? Effects of
+    the types `own` are reported, named or not.
 
     The model is fitted to the training recordings first, so that its values are not what differs.
     With `fixed` they are kept instead, and what differs from them is what has changed.
@@ -134,7 +136,7 @@ def diagnose(
     proof = proved(fit, found, decision.passed, thresholds, progress)
     effects = [one.shaped.candidate for one in proof.trial.effects]
     flow = examine(fit.evidence, fit.held_out, usual or load_usual(), thresholds, effects)
-    answer = answered(fit, found, decision, proof, flow, thresholds)
+    answer = answered(fit, found, decision, proof, flow, thresholds, own)
     after = proof.gap.carried if proof.trial.effects else fit.before
     moved = commanded(fit, after, validation)
     return Diagnosis(

@@ -22,6 +22,7 @@ def lines(content: dict[str, Any]) -> list[str]:
     for number, finding in enumerate(content["findings"], start=1):
         out += _finding(number, finding)
     out += _block("Nearest of the catalogue:", wording.nearest(content))
+    out += _block("Your own terms that are not named:", wording.own_terms(content))
     out += _block(f"{unknown_wording.title(content)}:", unknown_wording.lines(content))
     where = [f"{joint}: {said}" for joint, said in wording.disagrees(content)]
     out += _block("Where the model disagrees:", where)

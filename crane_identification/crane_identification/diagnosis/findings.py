@@ -28,6 +28,7 @@ from crane_identification.diagnosis.findings_file import (
     LeftResidual,
     NearestEffects,
     NearestGap,
+    OwnTermEntry,
     SessionClock,
     Untried,
 )
@@ -35,6 +36,7 @@ from crane_identification.diagnosis.flow_and_load_findings import balance, of_fl
 from crane_identification.diagnosis.open_questions import open_questions
 from crane_identification.diagnosis.proof.extension import Finding, Value, carried_in
 from crane_identification.diagnosis.proof.gap import Gap
+from crane_identification.diagnosis.proof.proof import Nearest
 from crane_identification.diagnosis.region import (
     Region,
     correlation_left,
@@ -72,7 +74,13 @@ def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
         findings=[_finding(diagnosis, one) for one in diagnosis.findings]
         + [of_flow(diagnosis, one.joint, each) for one in flow.found for each in one.missing]
         + [of_load(diagnosis, one) for one in gap.loads if one.found],
-        nearest=_nearest(diagnosis),
+        nearest=_near(diagnosis.answer.nearest),
+        own_terms=[
+            OwnTermEntry(
+                **dict(_effect(one.candidate)), objection=one.objection, tried=_near(one.near)
+            )
+            for one in diagnosis.answer.own
+        ],
         unknown=unknown_place(diagnosis),
         gap=GapOfModels(
             before=_side(gap, gap.before, gap.motion_before),
@@ -243,9 +251,8 @@ def _parameter(one: Value) -> FoundParameter:
     )
 
 
-def _nearest(diagnosis: Diagnosis) -> NearestEffects | None:
-    """What comes closest where nothing is named, and why that does not do."""
-    near = diagnosis.answer.nearest
+def _near(near: Nearest | None) -> NearestEffects | None:
+    """What effects would do that are not named, and why that does not do."""
     if near is None:
         return None
     return NearestEffects(

@@ -4,6 +4,7 @@ from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.finding_entry import (
     DrawnShape,
     FindingEntry,
+    FoundEffect,
     FoundParameter,
     NearEffect,
 )
@@ -55,6 +56,15 @@ class NearestEffects(ResultPart):
     """By joint."""
     objection: str
     """Why they are no answer."""
+
+
+class OwnTermEntry(FoundEffect):
+    """A term of `--terms` that is not named."""
+
+    objection: str
+    """Why not."""
+    tried: NearestEffects | None
+    """What it does by itself; none where these recordings cannot show it."""
 
 
 class NearbySignature(ResultPart):
@@ -271,6 +281,8 @@ class Findings(ResultFile):
     """Effects of the force, strongest first; then of the flow; then loads."""
     nearest: NearestEffects | None
     """Where nothing is named."""
+    own_terms: list[OwnTermEntry] = []
+    """Terms of `--terms` that are not named."""
     unknown: UnknownPlace | None = None
     """Where something is unknown; beside names, on the joint without one that most is left on."""
     gap: GapOfModels

@@ -45,6 +45,7 @@ CHANGES = ANSWERS | {
 """What the verdicts say where the values of the model are kept."""
 NOISE = {"none", "insufficient_data"}
 """Answers with which what the model leaves is noise, as far as recordings tell: it sits nowhere."""
+SMALLEST = 1e-4  # share of a gap, below which none of it is closed
 SMALL_SHARE = 0.05  # share of what is unexplained, below which a joint says nothing
 
 
@@ -135,7 +136,7 @@ def errors(content: Content) -> Iterator[Error]:
             percent(_number(new["force_relative_error"])) if added(content) else "",
             percent(_number(old["noise_floor"])),
             percent(_number(old["best_achievable"])),
-            short_percent(closed) if closed is not None and closed > 0.0 else NONE,
+            short_percent(closed) if closed is not None and closed > SMALLEST else NONE,
         )
 
 
@@ -186,9 +187,21 @@ def left(content: Content) -> str:
 
 def nearest(content: Content) -> list[str]:
     """What comes closest where nothing is named, what it explains, and why that does not do."""
-    near = content["nearest"]
-    if near is None:
-        return []
+    return [] if content["nearest"] is None else _tried(content["nearest"], content)
+
+
+def own_terms(content: Content) -> list[str]:
+    """What terms of the user's do that are not named, and why they are not."""
+    out = []
+    for one in content.get("own_terms", ()):
+        if one["tried"]:
+            out += _tried(one["tried"], content)
+        else:
+            out.append(f"{alone(one)}: no name: {said(one['objection'], content['where'])}")
+    return out
+
+
+def _tried(near: Content, content: Content) -> list[str]:
     names = listed([alone(one) for one in near["effects"]])
     own = {one["joint"] for one in near["effects"]}
     moved = [

@@ -58,11 +58,14 @@ def check(machine: Machine | None, log: Log, model: Model | None = None) -> Chec
 
 def _forces(log: Log, model: Model | None) -> tuple[list[Suspicion], tuple[str, ...]]:
     """What the forces of any machine say, and why nothing could be compared."""
+    lacking = ("forces: no model of this machine is given (--model)",)
+    if log.force is None and model is None:
+        return [], lacking
     try:
         moved = Moved.of(log, model)
         found = list(signs(moved))
         if model is None or model.joints != log.joints:
-            return found, ("forces: no model of this machine is given (--model)",)
+            return found, lacking
         return found or list(arm(model, moved)), ()
     except (DataError, RangeError, ConfigurationError) as error:
         return [], (f"forces: {error}",)

@@ -20,6 +20,7 @@ COARSE = 100  # encoder counts of a whole motion, below which velocity is made o
 
 # sampling
 SLOWEST = 40.0  # Hz: a crane swings on its oil at 2 to 3 Hz; its acceleration needs ten samples
+LEAST_RATE = 15.0  # Hz: from it on, what moves slowly is measured well enough to be of use
 HELD = 0.5  # share of the samples in motion that repeat the one before, as nobody's encoder does
 HELD_COUNTS = 2.0  # encoder counts that must pass between two samples for that to mean something
 

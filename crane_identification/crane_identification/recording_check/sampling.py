@@ -15,6 +15,7 @@ from crane_identification.notation import spoken
 from crane_identification.recording_check.constants import (
     HELD,
     HELD_COUNTS,
+    LEAST_RATE,
     SLOWEST,
     SPEED_OVER,
     TOGETHER,
@@ -86,7 +87,7 @@ def sampling(log: Log) -> Iterator[Suspicion]:
                 signal.origin,
                 f"{rate:.3g} samples a second, at least {SLOWEST:g} needed",
                 "too slow for accelerations and for the swinging of the crane; record faster",
-                decisive=True,
+                decisive=rate < LEAST_RATE,
             )
     yield from _held(log.position, log.joints)
 

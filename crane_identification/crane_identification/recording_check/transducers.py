@@ -107,7 +107,7 @@ def _encoders(log: Log) -> Iterator[Suspicion]:
         evidence = f"one reading, {value[0]:.6g}, from the first sample to the last"
         yield Suspicion(
             spoken(joint),
-            "; but ".join([evidence, *moved]),
+            f"{evidence}; but {', and '.join(moved)}" if moved else evidence,
             "its encoder is frozen" if moved else "the joint stood still, or its encoder is frozen",
             decisive=bool(moved),
         )

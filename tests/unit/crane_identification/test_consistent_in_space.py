@@ -262,7 +262,7 @@ def test_a_log_det_prior_makes_up_for_what_the_recordings_lack(tmp_path: Path) -
     assert np.mean((wrong / found.estimate.std_devs)[part] < 2.0) > 0.8
 
 
-@pytest.mark.parametrize("std_dev", [1e-6, 1e3])
+@pytest.mark.parametrize("std_dev", [1e-6, 1e2])
 def test_a_log_det_prior_that_is_sure_or_vague(tmp_path: Path, std_dev: float) -> None:
     """The known bodies, or nearly the data alone."""
     model = model_of(tmp_path, UR)

@@ -21,12 +21,16 @@ from crane_model.errors import DataError
 from crane_nodes.context import Stop
 from crane_nodes.driver_client import DriverClient, NoDriverError
 from crane_nodes.executor import KeptExecutor
+from crane_nodes.node_time import NodeTime
 from crane_nodes.ready import say_ready
+from crane_nodes.scheduling import PATIENCE_S
+from crane_nodes.stamps import nanoseconds
 
 DEPTH = 50  # messages
 ANSWER_TIMEOUT_S = 10.0  # for the driver to answer
 STATE_TIMEOUT_S = 0.1  # without a joint state while the crane moves
 NEUTRAL_AT_END_S = 0.2  # of neutral commands before the driver is disabled
+LONGEST_SPIN_S = 0.1  # of real time, between two looks at the time
 NEUTRAL_CYCLES = 100  # cycles of neutral commands after a reset, until the driver may be enabled
 
 
@@ -38,6 +42,9 @@ class CraneClient(Node):
         self._stop = stop
         self._executor = KeptExecutor()
         self._executor.add_node(self)
+        self.time = NodeTime(self)
+        self.time.listen()
+        self._patience = PATIENCE_S if self.time.simulated else ANSWER_TIMEOUT_S  # of real time
         self.joints: tuple[str, ...] = ()
         self.samples: list[JointInstant] = []
         self.pressures: list[dict[str, float]] = []
@@ -54,9 +61,9 @@ class CraneClient(Node):
 
     def spin(self, seconds: float) -> None:
         """Take what comes for a time."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left)
+        end = self.time.now() + seconds
+        while (left := end - self.time.now()) > 0.0:
+            self._executor.spin_once(timeout_sec=min(left, LONGEST_SPIN_S))
 
     def connect(self) -> None:
         """Wait for the driver and its joints; `DataError` if it is not there."""
@@ -82,7 +89,7 @@ class CraneClient(Node):
         self._wait(seconds)
         self._until(  # where this computer was too busy to take more
             lambda: len(self.samples) >= FEWEST,
-            f"no {self._states} in {seconds + ANSWER_TIMEOUT_S:g} s, or fewer than {FEWEST}; see "
+            f"no {self._states} in {seconds + self._patience:g} s, or fewer than {FEWEST}; see "
             "/diagnostics",
         )
         return np.array([one.position for one in self.samples])
@@ -136,15 +143,25 @@ class CraneClient(Node):
         self._enable(drive)
 
     def cycle(self, end: float) -> None:
-        """Take what comes until `end` [s, steady], and see whether the crane may go on."""
-        while (left := end - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left)
+        """Take what comes until `end` [s], and see whether the crane may go on."""
+        while (left := end - self.time.now()) > 0.0 and not self._stop.requested:
+            self._executor.spin_once(timeout_sec=min(left, LONGEST_SPIN_S))
         if self._stop.requested:
             raise KeyboardInterrupt
 
+    def seen(self, since: float) -> bool:
+        """Return whether a joint state later than `since` [s] has come."""
+        return self._received > since
+
+    def await_state(self, since: float, seconds: float) -> None:
+        """Take what comes until a joint state later than `since` [s], for a real time at most."""
+        end = time.monotonic() + seconds
+        while not self.seen(since) and (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
     def require_well(self) -> None:
         """`StoppedError` if the crane is not seen, or the driver has stopped it."""
-        if (age := time.monotonic() - self._received) > STATE_TIMEOUT_S:
+        if (age := self.time.now() - self._received) > STATE_TIMEOUT_S:
             raise StoppedError(
                 f"no {self._states} for {age * 1e3:.0f} ms, limit {STATE_TIMEOUT_S * 1e3:.0f} ms"
             )
@@ -163,33 +180,33 @@ class CraneClient(Node):
         self._trouble, self._refused = "", None
 
     def _wait(self, seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self.cycle(min(end, time.monotonic() + 10.0 * COMMAND_PERIOD_S))
+        end = self.time.now() + seconds
+        while (now := self.time.now()) < end:
+            self.cycle(min(end, now + 10.0 * COMMAND_PERIOD_S))
 
     def _until(self, condition: Callable[[], object], otherwise: str) -> None:
-        end = time.monotonic() + ANSWER_TIMEOUT_S
+        end = time.monotonic() + self._patience
         while not condition():
             if time.monotonic() > end:
                 raise DataError(otherwise)
-            self.cycle(time.monotonic() + COMMAND_PERIOD_S)
+            self.cycle(self.time.now() + COMMAND_PERIOD_S)
 
     def _answer(self, future: Future, drive: "NodeDrive | None" = None) -> Any:
         """The answer of the driver; meanwhile the drive, if there is one, commands neutral."""
-        end = time.monotonic() + ANSWER_TIMEOUT_S
+        end = time.monotonic() + self._patience
         while not future.done():
             if time.monotonic() > end:
-                raise DataError(f"the driver does not answer within {ANSWER_TIMEOUT_S:g} s")
+                raise DataError(f"the driver does not answer within {self._patience:g} s")
             if drive:
                 drive.tick(0.0)
             else:
-                self.cycle(time.monotonic() + COMMAND_PERIOD_S)
+                self.cycle(self.time.now() + COMMAND_PERIOD_S)
         return future.result()
 
     def _joint_state(self, message: JointState) -> None:
         self.joints = tuple(message.name)
         stamp = message.header.stamp
-        self._received = time.monotonic()
+        self._received = self.time.of(stamp)
         self.samples.append(
             JointInstant(
                 stamp.sec + stamp.nanosec * 1e-9,
@@ -213,18 +230,18 @@ class CraneClient(Node):
 
 
 class NodeDrive:
-    """`Drive` over valve_command, at a fixed rate."""
+    """`Drive` over valve_command, at a fixed rate; in simulated time it answers each cycle."""
 
     def __init__(self, client: CraneClient, publisher: Publisher, joint: str):
         self._client, self._publisher, self._joint = client, publisher, joint
-        self._due = time.monotonic()
+        self._due = client.time.now()
         self._sent = self._due
         self.enabled = False
 
     def tick(self, command: float) -> Tick:
         """Send a command; samples until the next one is due."""
         if self.enabled:
-            if (pause := time.monotonic() - self._sent) > LONGEST_PAUSE_S:
+            if (pause := self._client.time.now() - self._sent) > LONGEST_PAUSE_S:
                 if command:  # a neutral one begins anew
                     raise StoppedError(
                         f"no command for {pause * 1e3:.0f} ms, limit "
@@ -235,8 +252,14 @@ class NodeDrive:
             self._client.require_well()
         self._client.samples.clear()
         sent = self._publish(command)
-        self._due = max(self._due + COMMAND_PERIOD_S, time.monotonic())
-        self._client.cycle(self._due)
+        now = self._client.time.now
+        if self._client.time.simulated:  # the crane waits for a command in each cycle
+            while not self._client.seen(self._sent) and now() - self._sent < STATE_TIMEOUT_S:
+                self._client.await_state(self._sent, LONGEST_SPIN_S)
+                self._client.cycle(now())
+        else:
+            self._due = max(self._due + COMMAND_PERIOD_S, self._sent)
+            self._client.cycle(self._due)
         return Tick(sent, list(self._client.samples))
 
     def recover(self) -> None:
@@ -245,15 +268,18 @@ class NodeDrive:
 
     def leave(self) -> None:
         """Neutral commands for a while, whatever else is wrong."""
-        end = time.monotonic() + NEUTRAL_AT_END_S
-        while time.monotonic() < end:
+        now, patience = self._client.time.now, time.monotonic() + ANSWER_TIMEOUT_S
+        end = now() + NEUTRAL_AT_END_S
+        while now() < end and time.monotonic() < patience:
             self._publish(0.0)
-            self._client.spin(COMMAND_PERIOD_S)
+            if self._client.time.simulated:
+                self._client.await_state(self._sent, LONGEST_SPIN_S)
+            else:
+                self._client.spin(COMMAND_PERIOD_S)
 
     def _publish(self, command: float) -> float:
-        now = self._client.get_clock().now()
         message = ValveCommand(name=[self._joint], command=[command])
-        message.header.stamp = now.to_msg()
+        stamp = message.header.stamp = self._client.time.stamp()
         self._publisher.publish(message)
-        self._sent = time.monotonic()
-        return now.nanoseconds * 1e-9
+        self._sent = self._client.time.now()
+        return nanoseconds(stamp) * 1e-9

@@ -29,8 +29,9 @@ from crane_nodes.command_line import own_arguments, ros_arguments
 from crane_nodes.context import ros
 from crane_nodes.joint_notes import load_joint_notes
 from crane_nodes.machine_parameter import MACHINE
-from crane_nodes.parameters import NodeParameter
+from crane_nodes.parameters import NodeParameter, Switch
 
+USE_SIM_TIME = Switch("use_sim_time", False, "run on simulated time")  # of every node
 ORDER = """\
 The steps, in this order, each with the driver running:
   status     what has been done
@@ -63,7 +64,7 @@ def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
         series = Series(options.out)
         name = crane.parameters([MACHINE.name])[MACHINE.name]
         machine = load_machine(name)
-        driver = _parameters(crane, driver_parameters(machine, name))
+        driver = _parameters(crane, (*driver_parameters(machine, name), USE_SIM_TIME))
         mapping = _mapping(options.mapping or series.newest(MAPPING_FILE), driver)
         bench = Bench(
             crane=crane,

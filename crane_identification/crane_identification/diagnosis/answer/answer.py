@@ -1,14 +1,23 @@
 """The answer of a diagnosis: what the force says, then loads, oil and pulsation beside it."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+
+import numpy as np
 
 from crane_identification.diagnosis.answer.unknown import (
     UnknownForce,
     left_elsewhere,
     unknown_force,
 )
-from crane_identification.diagnosis.answer.verdict import Answer, Reach, Verdict, judge
-from crane_identification.diagnosis.decision.decision import Decision
+from crane_identification.diagnosis.answer.verdict import (
+    Answer,
+    OwnTerm,
+    Reach,
+    Verdict,
+    judge,
+)
+from crane_identification.diagnosis.decision.decision import Decision, objection
+from crane_identification.diagnosis.decision.judgement import Judged, all_judged
 from crane_identification.diagnosis.fit.fit import Fitted
 from crane_identification.diagnosis.flow.hydraulics import Flow, Flows
 from crane_identification.diagnosis.proof.proof import Nearest, Proof, nearest
@@ -20,6 +29,7 @@ from crane_identification.diagnosis.search.energy import (
 )
 from crane_identification.diagnosis.search.loads import Weighed
 from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_identification.thresholds import Thresholds
 
 
@@ -30,8 +40,9 @@ def answered(
     proof: Proof,
     flow: Flows,
     thresholds: Thresholds,
+    own: Collection[str] = (),
 ) -> Answer:
-    """What these results come to."""
+    """What these results come to; of the types `own` all are reported."""
     reach = _reach(fit, search, decision, thresholds)
     answer = judge(proof, reach, thresholds)
     if answer.verdict is not Verdict.INSUFFICIENT:  # what is left then is of the model, too
@@ -40,7 +51,8 @@ def answered(
         answer = with_too_little(answer, decision)
     if answer.verdict is Verdict.UNKNOWN:
         answer = answer._replace(
-            nearest=_nearest(fit, search, decision, proof, answer), unknown=unknown_force(search)
+            nearest=_nearest(fit, search, decision, proof, answer, thresholds),
+            unknown=unknown_force(search, _worst(proof)),
         )
     elif answer.verdict is Verdict.AND_MORE:
         effects = proof.trial.effects
@@ -48,7 +60,44 @@ def answered(
         answer = with_left(answer, left)
     answer = with_flow(with_loads(answer, proof.gap.loads), flow.found)
     answer = with_pulsation(answer, proof.pulsations)
-    return answer._replace(named_from=reach.named)
+    terms = tuple(_own_terms(fit, search, proof, own, thresholds))
+    return answer._replace(named_from=reach.named, own=terms)
+
+
+def _worst(proof: Proof) -> int:
+    """Number of the joint whose force errs most, beyond what is noise there."""
+    gap = proof.gap
+    noise = np.nan_to_num(gap.method.clean_factor * gap.floor)
+    return int(np.argmax(gap.largest_before**2 - np.minimum(noise, gap.largest_before) ** 2))
+
+
+def _own_terms(
+    fit: Fitted, search: Search, proof: Proof, own: Collection[str], thresholds: Thresholds
+) -> Iterator[OwnTerm]:
+    """The terms of the types `own` that are not named, each by itself beside the model."""
+    named = {one.shaped.candidate for one in proof.trial.effects}
+    short = {one.effect.shaped.candidate: one.objection for one in proof.short}
+    for hidden in (search.untestable, search.unobservable):
+        yield from (OwnTerm(one, why) for one, why in hidden.items() if one.type in own)
+    candidates = search.projection.candidates
+    for candidate in dict.fromkeys(one.candidate for one in candidates):
+        if candidate.type not in own or candidate in named:
+            continue
+        numbers = [i for i, one in enumerate(candidates) if one.candidate == candidate]
+        judged = _best_alone(search, numbers, thresholds)
+        if judged is None:
+            yield OwnTerm(candidate, "its parameters would have the wrong sign")
+            continue
+        said = short.get(candidate) or objection(judged, thresholds)
+        said = said or "by itself it passes; what is named explains the same, or more"
+        yield OwnTerm(candidate, said, nearest(fit, search, [judged], said))
+
+
+def _best_alone(search: Search, numbers: Sequence[int], thresholds: Thresholds) -> Judged | None:
+    """The candidate of these that explains most by itself; None if each has a wrong sign."""
+    alone = [solve(search.projection, (number,)) or NOTHING for number in numbers]
+    best = max(alone, key=lambda one: one.gain, default=NOTHING)
+    return all_judged(search, best, thresholds)[0] if best.numbers else None
 
 
 def _reach(fit: Fitted, search: Search, decision: Decision, thresholds: Thresholds) -> Reach:
@@ -70,13 +119,24 @@ def with_too_little(answer: Answer, decision: Decision) -> Answer:
 
 
 def _nearest(
-    fit: Fitted, search: Search, decision: Decision, proof: Proof, answer: Answer
+    fit: Fitted,
+    search: Search,
+    decision: Decision,
+    proof: Proof,
+    answer: Answer,
+    thresholds: Thresholds,
 ) -> Nearest | None:
-    """Of effects that do not do, those that came furthest."""
+    """Of effects that do not do, those that came furthest; on the joint that errs most."""
+    worst, names = _worst(proof), search.evidence.joints
     short = tuple(one.effect for one in proof.short)
     effects = short or proof.trial.zero or decision.nearest
-    objection = answer.objection or decision.objection
-    return nearest(fit, search, effects, objection) if effects else None
+    said = answer.objection or decision.objection
+    if not any(worst in one.shaped.joints(names) for one in effects):
+        candidates = search.projection.candidates
+        there = [i for i, one in enumerate(candidates) if worst in one.joints(names)]
+        if judged := _best_alone(search, there, thresholds):
+            effects, said = (judged,), objection(judged, thresholds) or said
+    return nearest(fit, search, effects, said) if effects else None
 
 
 def with_left(answer: Answer, left: Sequence[UnknownForce]) -> Answer:

@@ -53,10 +53,9 @@ class NearSignature:
 
 @dataclass(frozen=True)
 class UnknownForce:
-    """Of the joint that most of an unknown force is on: its `strength`, rms over that of the drive;
-    the nearest signatures, best first; the recordings in which there is far more of it than in
-    most, with the ratio; and what of the model is not alike in all recordings, where that is most
-    of it.
+    """On the joint whose force errs most: its `strength`, rms over that of the drive; the nearest
+    signatures, best first; the recordings in which there is far more of it than in most, with the
+    ratio; and what of the model is not alike in all recordings, where that is most of it.
     """
 
     joint: str
@@ -66,9 +65,9 @@ class UnknownForce:
     difference: Difference | None
 
 
-def unknown_force(search: Search) -> UnknownForce:
-    """Of what the model leaves, before anything is added."""
-    return _on(search, int(np.argmax(_beyond_noise(search))))
+def unknown_force(search: Search, j: int) -> UnknownForce:
+    """Of what the model leaves on joint number j, before anything is added."""
+    return _on(search, j)
 
 
 def left_elsewhere(
@@ -79,9 +78,9 @@ def left_elsewhere(
     Of its signatures one explains more than chance gives to the best of the catalogue, `threshold`,
     and than the errors of the processing.
     """
-    acted = {one.shaped.candidate.joint for one in effects}
     joints = search.evidence.joints
-    elsewhere = [j for j, joint in enumerate(joints) if not acted & {joint, None}]
+    acted = {j for one in effects for j in one.shaped.joints(joints)}
+    elsewhere = [j for j in range(len(joints)) if j not in acted]
     if not elsewhere:
         return ()
     left = widened(search, np.concatenate([one.shaped.columns for one in effects], axis=2))

@@ -11,6 +11,7 @@ from crane_identification.diagnosis.answer.unknown import UnknownForce
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.proof import Nearest, Proof
+from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.thresholds import Gates, Thresholds
 
 SPOKEN = 4  # members of a class that the reason lists
@@ -30,10 +31,19 @@ class Verdict(StrEnum):
     INSUFFICIENT = "insufficient_data"
 
 
+class OwnTerm(NamedTuple):
+    """A term of the user's that is not named: why, and what it does, where it could be tried."""
+
+    candidate: Candidate
+    objection: str
+    near: Nearest | None = None
+
+
 class Answer(NamedTuple):
     """A verdict and its reason; `objection`: why effects that passed all tests are no names.
     `nearest`: what comes closest where nothing is named; `unknown`: what is known of it, or of what
-    is left elsewhere. `named_from`: by joint, from which strength on effects are named.
+    is left elsewhere. `named_from`: by joint, from which strength on effects are named. `own`: what
+    the user's terms do that are not named.
     """
 
     verdict: Verdict
@@ -42,6 +52,7 @@ class Answer(NamedTuple):
     nearest: Nearest | None = None
     unknown: UnknownForce | None = None
     named_from: Mapping[str, float] = MappingProxyType({})
+    own: tuple[OwnTerm, ...] = ()
 
 
 class Reach(NamedTuple):
@@ -150,7 +161,9 @@ def _beyond(
 def _of_effects(proof: Proof, thresholds: Thresholds) -> Answer:
     """Effects that passed every test: are they all?"""
     share = proof.trial.explained(proof.before)
-    said = [f"the effects explain {share:.0%} of what can be explained", *_moved(proof)]
+    said = _moved(proof)
+    if np.isfinite(proof.gap.held_to.closed_on(np.flatnonzero(_acting(proof)).tolist())):
+        said.insert(0, f"the effects explain {share:.0%} of what can be explained")
     classes = [_alternatives(one) for one in proof.trial.effects if one.indistinct]
     apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
     more = _more(proof, share, thresholds)
@@ -169,8 +182,9 @@ def _moved(proof: Proof) -> list[str]:
 
 def _acting(proof: Proof) -> np.ndarray:
     """Whether any of the effects acts on a joint (j,)."""
-    joints = {one.shaped.candidate.joint for one in proof.trial.effects}
-    return np.array([bool(joints & {joint, None}) for joint in proof.gap.joints])
+    names = proof.gap.joints
+    joints = {j for one in proof.trial.effects for j in one.shaped.joints(names)}
+    return np.isin(np.arange(len(names)), list(joints))
 
 
 def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:

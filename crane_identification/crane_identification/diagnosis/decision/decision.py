@@ -18,7 +18,7 @@ from crane_identification.diagnosis.decision.drawing import (
 from crane_identification.diagnosis.decision.factors import best_pair, gain_of_few, smallest
 from crane_identification.diagnosis.decision.form import of_one_form
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
-from crane_identification.diagnosis.decision.likeness import simplest
+from crane_identification.diagnosis.decision.likeness import likeness, simplest
 from crane_identification.diagnosis.decision.of_lengths import without_those_of_lengths
 from crane_identification.diagnosis.decision.several import as_kinds, on_several_joints
 from crane_identification.diagnosis.decision.shape import (
@@ -27,6 +27,7 @@ from crane_identification.diagnosis.decision.shape import (
     of_better_signature,
 )
 from crane_identification.diagnosis.decision.strange import with_strange
+from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.diagnosis.search.lengths import beside_lengths
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
 from crane_identification.diagnosis.search.search import Search
@@ -60,7 +61,7 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
     for one in _growing(race, settled, first_threshold, thresholds):
         first = first or one
         if one.objection:
-            break
+            continue
         passed = one.found
         if not settled and any(_scales(each) for each in passed):
             passed = _beside_lengths(race, passed, first_threshold, thresholds)
@@ -90,16 +91,39 @@ def _growing(
     race: Race, settled: tuple[Judged, ...], threshold: float, thresholds: Thresholds
 ) -> Iterator[_Weighed]:
     """The best set of one more effect than the `settled` ones, with which the race begins, of two
-    more, and so on; the last one is the first that does not pass, where there is one.
+    more, and so on. What does not pass is refused, and the best set without it weighed, until none
+    gains more than chance.
     """
-    known = len(settled)
-    for size in range(known + 1, known + LARGEST_SET + 1):
+    known, passed = len(settled), settled
+    while len(passed) < known + LARGEST_SET:
+        size = len(passed) + 1
         best = best_beside(race, size, settled)
         if best is None:
             return
         yield (weighed := _weighed(race.search, best, settled, threshold, thresholds))
-        if weighed.objection:
+        if not weighed.objection:
+            passed = weighed.found
+        elif best.gain - race.sets(size - 1)[0].gain > threshold:
+            race.refuse(size, _new(race.search, best, passed, thresholds))
+        else:
             return
+
+
+def _new(
+    search: Search, subset: Subset, passed: tuple[Judged, ...], thresholds: Thresholds
+) -> set[Candidate]:
+    """The candidates of a set beside those that passed, and all that are but forms of them."""
+    candidates = search.projection.candidates
+    known = {one.shaped.candidate for one in passed}
+    numbers = [i for i in subset.numbers if candidates[i].candidate not in known]
+    alike = thresholds.method.form_correlation
+    return {
+        one.candidate
+        for number in numbers or subset.numbers
+        for i, one in enumerate(candidates)
+        if one.candidate not in known
+        and (one.candidate == candidates[number].candidate or likeness(search, i, number) > alike)
+    }
 
 
 def _weighed(
@@ -126,7 +150,7 @@ def _weighed(
     asked = [
         one for k, one in enumerate(found) if k >= known or not (_scales(one) or is_drawn(one))
     ]
-    wrong = [said for one in asked if (said := _objection(one, thresholds))] or strange
+    wrong = [said for one in asked if (said := objection(one, thresholds))] or strange
     weakest = min(found[known:], key=lambda one: one.score)
     if not wrong and several and _vague(weakest, thresholds):
         wrong = [f"others that look different are as good as {weakest.shaped.candidate.label}"]
@@ -179,7 +203,7 @@ def _sure(race: Race, found: tuple[Judged, ...], thresholds: Thresholds) -> tupl
     them cannot be told from what is no scale; judged without them.
     """
     scales = sorted((one for one in found if _scales(one)), key=lambda one: one.score)
-    out = [one for one in scales if _objection(one, thresholds)]
+    out = [one for one in scales if objection(one, thresholds)]
     out += scales[:1] if len(scales) > 1 and any(_mistakable(one) for one in scales) else []
     left = [one for one in found if not any(one is other for other in out)]
     if len(left) == len(found) or not left:
@@ -213,7 +237,7 @@ def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Jud
         race.go_on_from(subset)
         found = all_judged(race.search, subset, thresholds)
         found = as_kinds(race.search, found, len(found), thresholds)
-        left = [one for one in found if not _objection(one, thresholds)]
+        left = [one for one in found if not objection(one, thresholds)]
         if len(left) == len(found):
             return tuple(found)
         numbers = tuple(search.number(one.shaped) for one in left)
@@ -222,7 +246,7 @@ def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Jud
     return ()
 
 
-def _objection(one: Judged, thresholds: Thresholds) -> str:
+def objection(one: Judged, thresholds: Thresholds) -> str:
     """Which test an effect does not pass; empty if it passes all."""
     if one.score <= one.threshold:
         return f"its score is {one.score:.0f}, and {one.threshold:.0f} is asked for"

@@ -57,6 +57,22 @@ class HeldOut:
         gap = explainable > self.method.explainable_share * before
         return (before - after) / explainable if gap else np.nan
 
+    def moved(self, j: SupportsIndex) -> str:
+        """What becomes of the held-out error of a joint, in words; one number where both are one.
+
+        So that a percentage does not fall to itself.
+        """
+        before, after = (f"{error[j]:.2%}" for error in (self.before, self.after))
+        if before == after:
+            return f"the held-out error of {self.joints[j]} stays at {after}"
+        verb = "falls" if self.after[j] < self.before[j] else "rises"
+        return f"the held-out error of {self.joints[j]} {verb} from {before} to {after}"
+
+    def is_noise(self, joints: Sequence[int]) -> bool:
+        """Whether the errors of these joints before are as small as the noise that is known."""
+        own = list(joints)
+        return bool((self.before[own] <= self.method.clean_factor * self.floor[own]).all())
+
 
 @dataclass(frozen=True)
 class Gap(HeldOut):
@@ -83,17 +99,6 @@ class Gap(HeldOut):
     def held_to(self) -> HeldOut:
         """What a name is held to: of an end that training did not visit, no law can be known."""
         return self.trained or self
-
-    def moved(self, j: SupportsIndex) -> str:
-        """What becomes of the held-out error of a joint, in words; one number where both are one.
-
-        So that a percentage does not fall to itself.
-        """
-        before, after = (f"{error[j]:.2%}" for error in (self.before, self.after))
-        if before == after:
-            return f"the held-out error of {self.joints[j]} stays at {after}"
-        verb = "falls" if self.after[j] < self.before[j] else "rises"
-        return f"the held-out error of {self.joints[j]} {verb} from {before} to {after}"
 
     @property
     def largest_before(self) -> np.ndarray:

@@ -11,7 +11,13 @@ from crane_identification.diagnosis.fit.evidence import relative, residual
 from crane_identification.diagnosis.fit.fit import Fitted
 from crane_identification.diagnosis.fit.refit import UndeterminedError
 from crane_identification.diagnosis.proof.extension import extended
-from crane_identification.diagnosis.proof.gap import RESOLUTION, Gap, measure, where_trained
+from crane_identification.diagnosis.proof.gap import (
+    RESOLUTION,
+    Gap,
+    HeldOut,
+    measure,
+    where_trained,
+)
 from crane_identification.diagnosis.proof.pulsation import (
     Line,
     Pulsation,
@@ -95,19 +101,19 @@ def proved(
 
 def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     """Why an effect does not close the gap where it acts; empty if it does."""
-    own = _joints_of(one, gap)
+    own = one.shaped.joints(gap.joints)
     held_to, method = gap.held_to, thresholds.method
     closed = held_to.closed_on(own)
-    if not np.isfinite(closed):  # there is no gap: it must not open one
-        most = method.worse_factor * held_to.before
-        worse = [j for j in own if held_to.after[j] > most[j] and gap.after[j] > gap.before[j]]
-        return _enlarging(gap, worse) if worse else ""
+    if not np.isfinite(closed):  # no gap that a model is known to close: it must not open one,
+        ratio = held_to.after[own] / np.maximum(held_to.before[own], RESOLUTION)
+        worse = (ratio > method.worse_factor) & (gap.after[own] > gap.before[own])
+        still = not held_to.is_noise(own) and (ratio > 1.0 - RESOLUTION).all()  # and close some
+        return _with_it(held_to, own) if still or worse.any() else ""
     least = method.simple_share if _simple(one, method.simple_share) else method.closed_share
     if closed >= least:
         return ""
     if closed < 0.0:
-        larger = [j for j in own if gap.after[j] > gap.before[j]]
-        return f"{_enlarging(gap, larger)}; it should close {least:.0%} of the gap"
+        return f"{_with_it(held_to, own)}; it should close {least:.0%} of the gap"
     return (
         f"it closes {closed:.0%} of what could be closed of the gap on held-out recordings, and "
         f"{least:.0%} are asked for"
@@ -121,17 +127,14 @@ def unmoved(
     acts on; empty if it is less. A scale acts on each joint that moves the bodies whose force it
     scales: without it, more must be left somewhere.
     """
-    own, held_to, least = _joints_of(one, gap), gap.held_to, thresholds.method.fallen_share
+    own, held_to, least = one.shaped.joints(gap.joints), gap.held_to, thresholds.method.fallen_share
     if _falls(held_to.before[own], held_to.after[own], least):
         return ""
     if one.shaped.candidate.effect.formless:
         rest = [other for other in trial.effects if other is not one]
         if _falls(held_out_error(fit, search, rest), held_to.after, least):
             return ""
-    return (
-        f"with it, {', '.join(gap.moved(j) for j in own)}; a further effect should lessen its "
-        f"energy by {least:.0%}"
-    )
+    return f"{_with_it(held_to, own)}; a further effect should lessen its energy by {least:.0%}"
 
 
 def _falls(before: np.ndarray, after: np.ndarray, least: float) -> bool:
@@ -150,8 +153,8 @@ def spoiling(
     after = gap.held_to.after
     for one in reversed(trial.effects):
         rest = [other for other in trial.effects if other is not one]
-        own = _joints_of(one, gap)
-        if not any(set(own) & set(_joints_of(other, gap)) for other in rest):
+        own = one.shaped.joints(gap.joints)
+        if not any(set(own) & set(other.shaped.joints(gap.joints)) for other in rest):
             continue
         error = held_out_error(fit, search, rest)
         ratio = np.maximum(after[own], RESOLUTION) / np.maximum(error[own], RESOLUTION)
@@ -194,14 +197,8 @@ def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> str:
     )
 
 
-def _joints_of(one: Judged, gap: Gap) -> list[int]:
-    """Numbers of the joints that an effect acts on."""
-    joint = one.shaped.candidate.joint
-    return [j for j, name in enumerate(gap.joints) if joint in (name, None)]
-
-
-def _enlarging(gap: Gap, joints: Sequence[int]) -> str:
-    """That an effect makes the errors of these joints larger."""
+def _with_it(gap: HeldOut, joints: Sequence[int]) -> str:
+    """What becomes of the errors of the joints that an effect acts on."""
     return f"with it, {', '.join(gap.moved(j) for j in joints)}"
 
 

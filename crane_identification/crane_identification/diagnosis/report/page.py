@@ -70,6 +70,7 @@ def render(
         ],
         commanded=list(wording.commanded(content)),
         nearest=wording.nearest(content),
+        own_terms=wording.own_terms(content),
         unknown=unknown_wording.title(content),
         signatures=unknown_wording.lines(content),
         shapes=shapes,

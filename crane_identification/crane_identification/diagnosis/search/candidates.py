@@ -108,6 +108,15 @@ class ShapedCandidate:
     seen: float = 1.0
     damped: float = 1.0
 
+    def joints(self, names: Sequence[str]) -> list[int]:
+        """Numbers of the joints (`names`) on which it acts: its own, or, of an effect of the whole
+        machine, those where its columns are not zero.
+        """
+        if self.candidate.joint is not None:
+            return [names.index(self.candidate.joint)]
+        acting = self.columns.any(axis=(0, 2)).reshape(-1, len(names)).any(axis=0)
+        return np.flatnonzero(acting).tolist()
+
 
 def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
     """Every candidate on every joint of the fitted model, without those that the model has."""

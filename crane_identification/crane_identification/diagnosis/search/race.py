@@ -1,6 +1,6 @@
 """The race of candidates: a beam over sets of them, whose best have their shapes refined."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -37,17 +37,18 @@ class Race:
     search: Search
     progress: Progress = silent
     _known: dict[Hashable, ShapedCandidate] = field(default_factory=dict, init=False, repr=False)
+    _refused: set[Candidate] = field(default_factory=set, init=False, repr=False)
 
     def sets(self, size: int) -> tuple[Subset, ...]:
         """The best sets of so many effects, best first; their shapes are refined."""
         while len(self.search.sets) <= size:
             before = self.search.sets[-1]
             known = before[0].gain
-            rough = larger_sets(self.search.projection, before)[:REFINED_SETS]
+            rough = larger_sets(self.search.projection, before, self._refused)[:REFINED_SETS]
             for subset in rough:
                 if subset.gain - known > CLOSE_SHARE * (rough[0].gain - known):
                     self.refine(subset)
-            larger = tuple(larger_sets(self.search.projection, before))
+            larger = tuple(larger_sets(self.search.projection, before, self._refused))
             self.search = replace(self.search, sets=(*self.search.sets, larger))
             self.progress("search", (len(self.search.sets) - 1) / (LARGEST_SET + 1))
         return self.search.sets[size]
@@ -57,7 +58,22 @@ class Race:
         parts = [start.numbers[:count] for count in range(1, len(start.numbers))]
         known = [solve(self.search.projection, part) or NOTHING for part in parts]
         sets = [NOTHING, *known, start] if start.numbers else [NOTHING]
+        self._refused.clear()
         self.search = replace(self.search, sets=tuple((one,) for one in sets))
+
+    def refuse(self, size: int, candidates: Collection[Candidate]) -> None:
+        """Seek sets of `size` effects anew, without these candidates."""
+        self._refused |= set(candidates)
+        known = self.search.projection.candidates
+        kept = [
+            tuple(
+                one
+                for one in sets
+                if not self._refused & {known[number].candidate for number in one.numbers}
+            )
+            for sets in self.search.sets[:size]
+        ]
+        self.search = replace(self.search, sets=tuple(filter(None, kept)))
 
     def best(self, size: int) -> Subset | None:
         """The best set of so many effects; None if there is none."""

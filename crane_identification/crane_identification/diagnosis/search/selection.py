@@ -1,10 +1,11 @@
 """Which effects together explain the residual best: a beam search over sets of candidates."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.diagnosis.search.projection import Projection
 
 BEAM = 24  # sets that are followed from each size to the next
@@ -23,8 +24,11 @@ class Subset(NamedTuple):
 NOTHING = Subset((), 0.0, np.zeros(0))
 
 
-def larger_sets(projection: Projection, beam: Sequence[Subset]) -> list[Subset]:
-    """The sets with one candidate more than those of `beam` that gain most, best first.
+def larger_sets(
+    projection: Projection, beam: Sequence[Subset], refused: Collection[Candidate] = ()
+) -> list[Subset]:
+    """The sets with one candidate more than those of `beam` that gain most, best first; without
+    those that are `refused`.
 
     One set of shapes for each set of candidates. Sets in which a parameter has the wrong sign do
     not count: without that candidate they are no worse. Nor do those in which one is larger than
@@ -32,23 +36,25 @@ def larger_sets(projection: Projection, beam: Sequence[Subset]) -> list[Subset]:
     """
     found: dict[frozenset, Subset] = {}
     for start in beam:
-        for subset in extended(projection, start):
+        for subset in extended(projection, start, refused):
             key = frozenset(projection.candidates[i].candidate for i in subset.numbers)
             if key not in found or subset.gain > found[key].gain:
                 found[key] = subset
     return sorted(found.values(), key=lambda subset: -subset.gain)[:BEAM]
 
 
-def extended(projection: Projection, start: Subset) -> Iterator[Subset]:
+def extended(
+    projection: Projection, start: Subset, refused: Collection[Candidate] = ()
+) -> Iterator[Subset]:
     """`start` with each further candidate, at its best shape, where signs and sizes are right."""
     inside = [c for i in start.numbers for c in projection.columns_of[i]]
     gram, score = _without(projection, inside)
-    present = {projection.candidates[i].candidate for i in start.numbers}
+    left_out = {*refused} | {projection.candidates[i].candidate for i in start.numbers}
     gains = _single_gains(projection, gram, score)
     further = [
         number
         for number in _best_of_each(projection, gains)
-        if projection.candidates[number].candidate not in present and gains[number] > 0.0
+        if projection.candidates[number].candidate not in left_out and gains[number] > 0.0
     ]
     for solved in _solved_each(projection, start.numbers, further):
         if solved is not None:

@@ -73,5 +73,5 @@ def test_random_events_move_the_valves_too() -> None:
     happening, rng = Happening(), random.Random(1)
     while happening.events < 20_000:
         happening.anything(rng)
-    assert happening.cycles.keys() == set(SafetyState)
+    assert happening.cycles.keys() == set(SafetyState) - {SafetyState.LISTENING}
     assert happening.moving > 100

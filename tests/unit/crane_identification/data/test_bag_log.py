@@ -9,6 +9,8 @@ from crane_bags.types import (
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
+    VALVE_OUTPUT,
+    Topic,
 )
 from crane_bags.writer import BagWriter
 from crane_identification.data.bag_log import read_bag
@@ -26,6 +28,7 @@ def write(
     joints: tuple[str, ...] = JOINTS,
     commands: bool = False,
     namespaces: tuple[str, ...] = ("/",),
+    told_on: Topic = VALVE_COMMAND,
 ) -> Path:
     """Pressures come 2 ms after the positions; commands every third time. The positions of the
     crane in each further namespace are 1 larger.
@@ -35,7 +38,7 @@ def write(
             states = bag.add_arrays(JOINT_STATES.within(namespace), joints)
             pressures = bag.add_arrays(CYLINDER_PRESSURES.within(namespace), PLANAR_JOINTS)
             if commands:
-                command = bag.add_arrays(VALVE_COMMAND.within(namespace), JOINTS)
+                command = bag.add_arrays(told_on.within(namespace), JOINTS)
                 reference = bag.add_arrays(JOINT_REFERENCE.within(namespace), JOINTS)
             for k in range(COUNT):
                 stamp = START + k * STEP
@@ -73,6 +76,14 @@ def test_signals_keep_their_own_stamps(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.reference_acceleration.value, 3 * POSITION[::3, 1:])
     assert log.missing == ()
     assert log.notes == ()
+
+
+def test_a_recording_of_a_driver_that_only_listens_has_commands(tmp_path: Path) -> None:
+    log = read_bag(write(tmp_path / "bag", commands=True, told_on=VALVE_OUTPUT), PLANAR_JOINTS)
+    assert log.command is not None
+    assert log.command.origin == VALVE_OUTPUT.name
+    np.testing.assert_allclose(log.command.value[:, 0], np.arange(0, COUNT, 3) / COUNT)
+    assert log.missing == ()
 
 
 def test_the_bag_of_a_crane_in_a_namespace_is_read_without_being_told(tmp_path: Path) -> None:

@@ -223,3 +223,19 @@ def test_counts_stay_as_they_are_and_are_said(tmp_path: Path) -> None:
         f"{', '.join(log.uncalibrated)}: in counts, and so is what follows from them",
     )
     assert read_table(path, column_map(), JOINTS).uncalibrated == ()
+
+
+def test_commands_of_two_sides_and_of_a_magnitude_with_a_state(tmp_path: Path) -> None:
+    joints = {"boom": joint_columns("boom", "deg"), "stick": joint_columns("stick", "mm")}
+    pair = [{"column": name, "unit": "-", "scale": s} for name, s in (("up", 0.25), ("dn", -0.25))]
+    state = {"column": "state", "unit": "counts"}
+    of_state = {"size": {"column": "flow", "unit": "%"}, "direction": state}
+    commands = {"boom": {"sum": pair}, "stick": {**of_state, "positive": 1, "negative": 2}}
+    mapped = {joint: {**joints[joint], "command": commands[joint]} for joint in JOINTS}
+    sides = {"up": [4.0, 0.0, 0.0, 1.0], "dn": [0.0, 2.0, 0.0, 0.0]}  # MPa
+    valve = {"flow": [50.0, 50.0, 100.0, 20.0], "state": [0.0, 1.0, 2.0, 3.0]}
+    table = TABLE | {name: np.array(values) for name, values in (sides | valve).items()}
+    log = read_table(write(tmp_path / "a.csv", table), column_map(joints=mapped), JOINTS)
+    assert log.command is not None
+    expected = [[1.0, 0.0], [-0.5, 0.5], [0.0, -1.0], [0.25, 0.0]]
+    np.testing.assert_allclose(log.command.value, expected, atol=1e-12)

@@ -106,6 +106,17 @@ def test_an_effect_in_a_third_of_the_time_alone_is_none() -> None:
     )
 
 
+def test_an_effect_that_is_refused_blocks_no_other() -> None:
+    """It leads, but in a third of the time it is the other way round."""
+    turned = np.where(np.arange(ROWS) < ROWS // 3, -1.0, 1.0)
+    found = decided(searched({"offset": A, "hose_stiffness": B}, 6.0 * turned * A + 1.5 * B))
+    assert names(found) == ["hose_stiffness"]
+    (nearest,) = found.nearest
+    assert nearest.shaped.candidate.type == "offset"
+    assert nearest.score > found.passed[0].score
+    assert any("constant force (axis) explains more than chance" in one for one in found.beyond)
+
+
 @pytest.mark.parametrize(("size", "mass", "shows"), [(2.0, 5.0, True), (2.0, 1e4, False)])
 @pytest.mark.parametrize("turned", [True, False])
 def test_what_a_test_refuses_though_it_is_no_chance_is_not_nothing(

@@ -25,7 +25,7 @@ def of_recordings(folder: Path, more: float) -> UnknownForce:
     one = model(folder, *FULL)
     logs = [stiffened(axis_log(seed, one, periods=2), more * (seed == STIFFER)) for seed in SEEDS]
     fit = fitted(one, logs[:-1], logs[-1:], Options(), False, silent)
-    return unknown_force(search(fit.evidence, wanted(fit, ())))
+    return unknown_force(search(fit.evidence, wanted(fit, ())), 0)
 
 
 def stiffened(log: Log, more: float) -> Log:

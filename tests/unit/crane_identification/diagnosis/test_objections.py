@@ -37,6 +37,7 @@ def test_an_effect_that_leaves_most_of_a_law_is_no_name(
         (gap(0.0014, 0.0009), True),  # what is left may be noise
         (gap(0.0005, 0.0005), True),  # there is no gap
         (gap(0.0005, 0.0006), False),
+        (gap(0.2632, 0.2633, floor=np.nan), False),  # far from noise, and it closes nothing
     ],
 )
 def test_a_name_closes_the_gap_on_held_out_recordings(seen: Gap, closes: bool) -> None:

@@ -1,6 +1,6 @@
 """Effects without which the others predict the force better."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
@@ -16,7 +16,10 @@ BOTH = 0.10  # held-out error of either joint with all effects, relative to the 
 
 
 def effect(joint: str | None) -> Any:
-    return Mock(shaped=SimpleNamespace(candidate=SimpleNamespace(joint=joint)))
+    def joints(names: Sequence[str]) -> list[int]:
+        return [j for j, name in enumerate(names) if joint in (name, None)]
+
+    return Mock(shaped=SimpleNamespace(joints=joints))
 
 
 @pytest.mark.parametrize(

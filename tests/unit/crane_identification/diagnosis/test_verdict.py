@@ -76,7 +76,7 @@ def effect(
     candidate = Candidate(REGISTRY[kind], joint)
     return Judged(
         shaped=ShapedCandidate(
-            candidate, dict(shape), candidate.at(shape), np.zeros((0, 3, 1)), np.array([True])
+            candidate, dict(shape), candidate.at(shape), np.ones((1, 3, 1)), np.array([True])
         ),
         score=1000.0,
         threshold=50.0,
