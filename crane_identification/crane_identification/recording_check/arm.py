@@ -28,6 +28,7 @@ from crane_identification.recording_check.constants import (
 from crane_identification.recording_check.suspicion import Suspicion
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
+from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 
@@ -50,7 +51,7 @@ class Moved:
     moving: np.ndarray
 
     @classmethod
-    def of(cls, log: Log, model: Model | None) -> "Moved":
+    def of(cls, log: Log, machine: Machine | None) -> "Moved":
         """The longest run without a gap; `DataError` if it is too short or nothing moves."""
         samples = resample(log)
         rows = np.flatnonzero(samples.run == np.bincount(samples.run).argmax())
@@ -69,11 +70,11 @@ class Moved:
         velocity = np.gradient(position, step, axis=0)
         force = samples.force
         if force is None:
-            if model is None or model.machine is None or samples.pressure_a is None:
+            if machine is None or samples.pressure_a is None:
                 raise DataError("no forces, and no machine that makes them of pressures")
             assert samples.pressure_b is not None  # a recording has both chambers
             force = generalized_forces(
-                model.machine,
+                machine,
                 samples.position,
                 samples.pressure_a,
                 samples.pressure_b,
