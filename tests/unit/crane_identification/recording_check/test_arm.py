@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from unit.crane_identification.recording_check.corruption import column, each
 
-from crane_identification.check_recording import parser
+from crane_identification.check_recording import main, parser
 from crane_identification.data.log import Log, Signal
 from crane_identification.recording_check.check import check
 from crane_identification.recording_check.suspicion import Verdict
@@ -123,3 +123,13 @@ def test_a_model_that_lacks_friction_is_no_wrong_sign(model: Model, good: Log) -
 def test_terms_of_the_user_are_taken() -> None:
     given = parser().parse_args(["--model", "m.yaml", "--terms", "own.py", "bag"])
     assert given.terms == Path("own.py")
+
+
+def test_a_map_of_other_joints_asks_for_the_machine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The laboratory crane, which is the default, has none of them."""
+    joint = "{position: {column: q, unit: rad}, force: {column: i, unit: N m}}"
+    (tmp_path / "map.yaml").write_text(f"rate: 100\njoints:\n  axis_1: {joint}\n")
+    assert main(["--columns", str(tmp_path / "map.yaml"), str(tmp_path / "table.csv")]) == 1
+    assert "give your machine by --model or --machine" in capsys.readouterr().err
