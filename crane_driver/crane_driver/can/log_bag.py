@@ -84,7 +84,7 @@ class LogBag:
             self._count(faults)
             if not any(fault.kind in UNUSABLE for fault in faults):
                 self._readings(readings)
-        for message, (first, second) in (self._driver.conflicts | self._heard.conflicts).items():
+        for message, (first, second) in {**self._driver.conflicts, **self._heard.conflicts}.items():
             raise DataError(
                 f"message {message}: {first} and {second} both send it, and the DBC names neither; "
                 "write the id of the device that is meant into the DBC, or each as a message"
