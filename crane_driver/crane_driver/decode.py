@@ -68,7 +68,7 @@ def _zone(text: str) -> tzinfo:
 
 def _decode(options: argparse.Namespace) -> None:
     try:
-        from crane_driver.can.log_decoding import TABLES, Request, decode
+        from crane_driver.can.log_decoding import TABLES, DecodeRequest, decode
     except ModuleNotFoundError as error:
         raise CraneError(
             f"{error}; install what reads CAN: make setup in a clone, or without ROS "
@@ -79,7 +79,7 @@ def _decode(options: argparse.Namespace) -> None:
     name, mapping = options.machine, options.mapping
     if mapping or name or not options.dbc:
         mapping = machine_file("can.yaml", name, mapping)
-    request = Request(
+    request = DecodeRequest(
         log=options.log,
         dbc=machine_file("can.dbc", name, options.dbc),
         out=options.out,

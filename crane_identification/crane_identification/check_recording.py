@@ -15,7 +15,7 @@ from crane_identification.recording_check.forces import crane
 from crane_identification.recording_check.suspicion import Checked
 from crane_model import cli
 from crane_model.configuration import load
-from crane_model.errors import DataError
+from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
@@ -28,6 +28,13 @@ def run(arguments: argparse.Namespace) -> None:
         load_terms(arguments.terms)
     model = load_model(arguments.model) if arguments.model else _usual(arguments.machine)
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
+    if columns and not (
+        arguments.model or arguments.machine or {*model.joints} & {*columns.joints}
+    ):
+        raise ConfigurationError(
+            f"{arguments.columns}: the joints {', '.join(columns.joints)} are not those of the "
+            "laboratory crane, which is the default; give your machine by --model or --machine"
+        )
     with ProgressBar() as progress:
         options = Options(
             begin=arguments.begin,

@@ -273,7 +273,7 @@ TABLES = (".csv", ".parquet")
 
 
 @dataclass(frozen=True)
-class Request:
+class DecodeRequest:
     """What to decode: `mapping` is needed for a bag, `channel` if the log has several."""
 
     log: Path
@@ -286,7 +286,7 @@ class Request:
     keep_codes: bool = False  # in a table; for a bag the mapping says so
 
 
-def decode(request: Request) -> str:
+def decode(request: DecodeRequest) -> str:
     """Decode a log, and say what was in it.
 
     `DataError` and `ConfigurationError` name file, limit and remedy; `ModuleNotFoundError` if what

@@ -4,7 +4,8 @@ A sample is judged by the velocities before and after it, against the noise arou
 the whole recording, one step of the sensor where it reads as much (numbers of five digits have
 larger steps where they are larger), and how far the joint goes while stamps are off, or while a
 state is sent again. What leaves the motion and comes back to it within
-the time that may be bridged is taken out; what leaves it for good is refused.
+the time that may be bridged is taken out; what leaves it for good is refused. A state of all joints
+that was sent again is taken out as well: it is older than its stamp says.
 """
 
 import math
@@ -28,6 +29,7 @@ LATE = 95  # percentile of how far stamps are off, and of how often a state is s
 TWICE = 2.0  # times as far as the joint goes meanwhile: it catches up behind
 HELD_COUNTS = 2.0  # steps that the joint goes on, if a reading that stays was sent again
 OFTEN = 0.005  # share of samples that were sent again, from which on it is a habit of the sender
+MOSTLY = 0.5  # share from which on the sensor is slow: `check_recording` reports its true rate
 STRIDE = 5  # samples, over which a speed is measured that single bad ones do not spoil
 FEWEST_LEVELS = 10  # readings of one order of magnitude that show its step
 ACCELERATION = 10.0  # times what the joint reaches over LARGEST_GAP for a hundredth of the time
@@ -49,11 +51,16 @@ class _Found:
 def usable(log: Log, begin: float = 0.0, end: float = math.inf) -> Log:
     """`log` from `begin` to `end` [s], with NaN for bad positions, pressures and forces.
 
-    A note names each, and what held no number before. `DataError` if they are many, or a position
-    jumps and stays away: it names joint and sample.
+    A note names each, what held no number before, and how many states were sent again.
+    `DataError` if they are many, or a position jumps and stays away: it names joint and sample.
     """
     cleaned: dict[str, Any] = {}
     notes: list[str] = []
+    again = _sent_again(log.position)
+    if count := int(
+        np.count_nonzero(again & (log.position.time >= begin) & (log.position.time <= end))
+    ):
+        notes.append(f"{log.position.origin}: {count} states that were sent again are left out")
     for name in ("position", "force", "pressure_a", "pressure_b"):
         signal: Signal | None = getattr(log, name)
         if signal is None:
@@ -73,8 +80,36 @@ def usable(log: Log, begin: float = 0.0, end: float = math.inf) -> Log:
                     f"{_which(signal, j, bad)}"
                 )
                 value[bad, j] = np.nan
+        if name == "position" or np.array_equal(signal.time, log.position.time):
+            value[again & _repeats(signal.value)] = np.nan
         cleaned[name] = replace(signal, value=value)
     return replace(log, **cleaned, notes=(*log.notes, *notes)).during(begin, end)
+
+
+def _repeats(value: np.ndarray) -> np.ndarray:
+    """(n,) rows of (n, j) that are the row before."""
+    return np.append(False, (np.diff(value, axis=0) == 0.0).all(axis=1))
+
+
+def _sent_again(position: Signal) -> np.ndarray:
+    """(n,) rows in which no position changed, although a joint went on by more than its step.
+
+    None unless this is a habit of the sender, and each time shorter than what may be bridged.
+    """
+    time, value = position.time, position.value
+    none = np.zeros(len(time), dtype=bool)
+    repeats = _repeats(value)
+    if repeats.mean() < OFTEN or not np.isfinite(value).all() or len(time) < 2 * NEIGHBOURS:
+        return none
+    moves, interval = none.copy(), np.diff(time)
+    for column in value.T:
+        moves[1:] |= _speed(time, column) * interval > HELD_COUNTS * _steps(column)
+    again = repeats & moves
+    edges = np.flatnonzero(np.diff(again, prepend=False, append=False))
+    for first, behind in zip(edges[::2], edges[1::2], strict=True):
+        if time[min(behind, len(time) - 1)] - time[first - 1] > LARGEST_GAP:
+            again[first:behind] = False
+    return again if OFTEN < again.sum() / max(moves.sum(), 1) < MOSTLY else none
 
 
 def _bad(

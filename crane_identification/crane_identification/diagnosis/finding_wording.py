@@ -46,8 +46,8 @@ class PrintedParameter(NamedTuple):
 
 
 def place(joint: str) -> str:
-    """A joint, or the whole crane."""
-    return "the whole crane" if joint == WHOLE else spoken(joint)
+    """A joint, or the whole machine."""
+    return "the whole machine" if joint == WHOLE else spoken(joint)
 
 
 def called(finding: Content) -> str:

@@ -28,6 +28,7 @@ from crane_identification.recording_check.suspicion import (
 )
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
+from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 
@@ -50,7 +51,7 @@ class ArmMotion:
     moving: np.ndarray
 
     @classmethod
-    def of(cls, log: Log, model: Model | None) -> "ArmMotion":
+    def of(cls, log: Log, machine: Machine | None) -> "ArmMotion":
         """The longest run without a gap; `DataError` if it is too short or nothing moves."""
         samples = resample(log)
         rows = np.flatnonzero(samples.run == np.bincount(samples.run).argmax())
@@ -69,11 +70,11 @@ class ArmMotion:
         velocity = np.gradient(position, step, axis=0)
         force = samples.force
         if force is None:
-            if model is None or model.machine is None or samples.pressure_a is None:
+            if machine is None or samples.pressure_a is None:
                 raise DataError("no forces, and no machine that makes them of pressures")
             assert samples.pressure_b is not None  # a recording has both chambers
             force = generalized_forces(
-                model.machine,
+                machine,
                 samples.position,
                 samples.pressure_a,
                 samples.pressure_b,
@@ -152,7 +153,10 @@ class _Fit:
         return _Basis(*np.linalg.qr(columns / norms), self.low * norms)
 
     def factors(self, basis: "_Basis") -> tuple[np.ndarray, float]:
-        """(j,) of the forces of the joints, that make them agree, the first 1; and what is left."""
+        """(j,) of the forces of the joints, that make them agree, the first 1; and what is left.
+
+        The residual of each joint is relative to its own force: a factor near 0 explains nothing.
+        """
         count = len(self.scale)
         factor, force = np.ones(count), self.force
         own = np.bincount(self.joint, self.force**2, minlength=count)
@@ -162,7 +166,9 @@ class _Fit:
             factor = np.divide(along, own, out=np.ones(count), where=own > 0.0)
             factor /= np.sqrt(np.mean(factor**2))
             force = factor[self.joint] * self.force
-        return factor / factor[0], basis.left(force)
+        residual = (force - basis.predicted(force)) / factor[self.joint]
+        left = float(np.linalg.norm(residual) / np.linalg.norm(self.force))
+        return factor / factor[0], left
 
 
 class _Basis(NamedTuple):

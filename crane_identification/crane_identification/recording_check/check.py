@@ -52,7 +52,7 @@ def check(machine: Machine | None, log: Log, model: Model | None = None) -> Chec
         return _result(log, absent, "all else: there is too little to look at")
     found: list[Suspicion] = [*absent, *clocks(log), *transducers(log)]
     if machine is None:
-        looked, reasons = _forces(log, model)
+        looked, reasons = _forces(log, None, model)
         reasons = ("limits, pressures: the model has no machine", *reasons)
         return _result(log, [*found, *looked], *reasons)
     found += sampling(log)
@@ -63,7 +63,7 @@ def check(machine: Machine | None, log: Log, model: Model | None = None) -> Chec
     if any(one.decisive for one in found):
         return _result(log, found, "forces: what is wrong above would show there again")
     if machine.planar is None:
-        looked, reasons = _forces(log, model)
+        looked, reasons = _forces(log, machine, model)
         return _result(log, [*found, *looked], *reasons)
     joints = machine.planar.joints
     if lacking := [joint for joint in joints if joint not in log.joints]:
@@ -77,13 +77,15 @@ def check(machine: Machine | None, log: Log, model: Model | None = None) -> Chec
     return _result(log, found)
 
 
-def _forces(log: Log, model: Model | None) -> tuple[list[Suspicion], tuple[str, ...]]:
+def _forces(
+    log: Log, machine: Machine | None, model: Model | None
+) -> tuple[list[Suspicion], tuple[str, ...]]:
     """What the forces of any machine say, and why nothing could be compared."""
     lacking = ("forces: no model of this machine is given (--model)",)
-    if log.force is None and model is None:
+    if log.force is None and machine is None:
         return [], lacking
     try:
-        moved = ArmMotion.of(log, model)
+        moved = ArmMotion.of(log, machine)
         found = list(signs(moved))
         if model is None or model.joints != log.joints:
             return found, lacking

@@ -97,7 +97,7 @@ CORRELATED = 25.0  # rows that tell as much as one: half a second of a smooth si
 UNMOVED = 0.1  # of the piston's flow unexplained by its command, which leaves 1 to 7 %
 
 
-class Verdict(StrEnum):
+class RecordingVerdict(StrEnum):
     """What a recording looks like: right only if all was checked, and nothing was found."""
 
     RIGHT = "right"
@@ -138,8 +138,12 @@ class Checked:
         return tuple(one for one in self.suspicions if one.decisive)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> RecordingVerdict:
         """What the recording looks like."""
         if self.decisive:
-            return Verdict.WRONG
-        return Verdict.DOUBTFUL if self.suspicions or self.unchecked else Verdict.RIGHT
+            return RecordingVerdict.WRONG
+        return (
+            RecordingVerdict.DOUBTFUL
+            if self.suspicions or self.unchecked
+            else RecordingVerdict.RIGHT
+        )

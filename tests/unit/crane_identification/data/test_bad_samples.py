@@ -171,15 +171,51 @@ def ringing(seed: int) -> Log:
     return of_one(time, 0.1 * swing(time) + rings)
 
 
-@pytest.mark.parametrize("made", [five_digits, sent_again, ringing])
-def test_digits_repeats_and_vibrations_are_what_they_are(made: Callable[[int], Log]) -> None:
+@pytest.mark.parametrize("made", [five_digits, ringing])
+def test_digits_and_vibrations_are_what_they_are(made: Callable[[int], Log]) -> None:
     for seed in range(3):
         assert usable(made(seed)).notes == ()
 
 
 @pytest.mark.parametrize("made", [five_digits, sent_again, ringing])
 def test_a_bad_sample_among_them_is_still_found(made: Callable[[int], Log]) -> None:
-    assert left_out(changed(made(0), 0, 5000, 0.05), 0) == [5000]
+    assert {*left_out(changed(made(0), 0, 5000, 0.05), 0)} - {*left_out(made(0), 0)} == {5000}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_states_that_were_sent_again_are_left_out(seed: int) -> None:
+    """But for the few at standstill; positions and forces alike."""
+    log = sent_again(seed)
+    assert log.force is not None
+    (note,) = (cleaned := usable(log)).notes
+    again = np.flatnonzero(np.diff(log.position.value[:, 0], prepend=np.nan) == 0.0)
+    left = left_out(log, 0)
+    assert {*left} <= {*again.tolist()} and len(left) > 0.97 * len(again)
+    assert note == f"column q, tau: {len(left)} states that were sent again are left out"
+    assert cleaned.force is not None
+    np.testing.assert_array_equal(np.isnan(cleaned.force.value), np.isnan(cleaned.position.value))
+
+
+def held(log: Log, rows: np.ndarray) -> Log:
+    """Positions of the first of both joints; each of `rows` repeats the one before."""
+    value = log.position.value[np.maximum.accumulate(np.where(rows, 0, np.arange(len(rows))))]
+    return replace(log, position=replace(log.position, value=value))
+
+
+def test_what_is_no_habit_of_the_sender_stays() -> None:
+    """A sensor of a third of the rate, and a joint that repeats beside one that does not."""
+    log = sent_again(0)
+    smooth = of_one(log.position.time, swing(log.position.time))
+    row = np.arange(len(log.position.time))
+    assert usable(held(smooth, row % 3 > 0)).notes == ()
+    beside = np.column_stack([log.position.value, swing(log.position.time + 1.0)])
+    both = replace(
+        log,
+        joints=("boom", "stick"),
+        position=Signal(smooth.position.time, beside, "q"),
+        force=None,
+    )
+    assert usable(both).notes == ()
 
 
 def test_the_column_that_is_wrong_is_named_alone() -> None:

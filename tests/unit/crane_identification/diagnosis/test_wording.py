@@ -133,7 +133,7 @@ def test_a_class_is_named_by_all_of_its_members() -> None:
     ]
     said = text(content("class", finding(class_members=members)))
     own = "load-dependent joint friction or constant force (outer boom)"
-    names = f"{own} or base tilt (the whole crane)"
+    names = f"{own} or base tilt (the whole machine)"
     assert said.splitlines()[0].endswith(f"a class: {names}.")
     assert f"1. {names}" in said and "as load-dependent joint friction (outer boom): mu" in said
 
@@ -253,7 +253,7 @@ def test_a_load_of_one_recording_says_where_it_is_carried() -> None:
         visible_strength=None,
     )
     said = text(content("named", load))
-    assert "1. payload change (the whole crane)\n   m_payload = 6.6170 ± 0.0050 kg\n" in said
+    assert "1. payload change (the whole machine)\n   m_payload = 6.6170 ± 0.0050 kg\n" in said
     assert "m_payload in held_out" in said
     assert "no load, from which masses count, in train_0 and train_1" in said
 

@@ -25,7 +25,7 @@ from crane_bags.clocks import SetBack
 from crane_identification.data.log import Log, Signal
 from crane_identification.notation import spoken
 from crane_identification.recording_check.check import check, vetted
-from crane_identification.recording_check.suspicion import Verdict
+from crane_identification.recording_check.suspicion import RecordingVerdict
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
 from crane_model.machine import Machine, load_machine
@@ -56,7 +56,7 @@ def with_forces(machine: Machine, log: Log, factor: float = 1.0) -> Log:
 def test_a_good_recording_is_not_suspected(machine: Machine, good: Log) -> None:
     for log in (good, with_forces(machine, good)):
         found = check(machine, log)
-        assert found.verdict is Verdict.RIGHT
+        assert found.verdict is RecordingVerdict.RIGHT
 
 
 def spoilt() -> list:
@@ -287,7 +287,7 @@ def coarse(step: float) -> Callable[[Log], Log]:
 @pytest.mark.parametrize("step", [0.1e6, 0.25e6, 0.5e6])
 def test_coarse_transducers_are_called_coarse(machine: Machine, good: Log, step: float) -> None:
     found = check(machine, coarse(step)(good))
-    assert found.verdict is Verdict.DOUBTFUL and not found.unchecked
+    assert found.verdict is RecordingVerdict.DOUBTFUL and not found.unchecked
     (suspicion,) = found.suspicions
     assert suspicion.cause.startswith("coarse") and f"{step / 1e6:g} MPa" in suspicion.evidence
 
@@ -314,7 +314,7 @@ def test_a_gap_is_doubtful_and_has_a_place(
     machine: Machine, good: Log, names: tuple[str, ...]
 ) -> None:
     found = check(machine, lost(good, 7.001, 9.5, names))
-    assert found.verdict is Verdict.DOUBTFUL
+    assert found.verdict is RecordingVerdict.DOUBTFUL
     (gap,) = (one for one in found.suspicions if "missing" in one.cause)
     assert gap.where == getattr(good, names[0]).origin
     assert gap.evidence.startswith("nothing for 2.5") and gap.evidence.endswith("from 7 s on")
@@ -328,7 +328,7 @@ def test_recordings_without_a_common_time_are_wrong(machine: Machine, good: Log)
 
 
 def test_too_few_samples_are_wrong(machine: Machine, good: Log) -> None:
-    assert check(machine, lost(good, 0.05, np.inf, CHAMBERS)).verdict is Verdict.WRONG
+    assert check(machine, lost(good, 0.05, np.inf, CHAMBERS)).verdict is RecordingVerdict.WRONG
 
 
 def test_an_effort_of_zeros_is_none(machine: Machine, good: Log) -> None:
@@ -342,12 +342,12 @@ def test_an_encoder_that_is_frozen_from_the_first_sample(machine: Machine, good:
     (found,) = check(machine, frozen).decisive
     assert found.where == "outer boom" and "valve command" in found.evidence
     silent = check(machine, replace(frozen, command=None))
-    assert silent.verdict is Verdict.DOUBTFUL
+    assert silent.verdict is RecordingVerdict.DOUBTFUL
     assert any("stood still, or" in one.cause for one in silent.suspicions)
 
 
 def test_time_that_went_back_is_wrong_from_a_share_on(machine: Machine, good: Log) -> None:
-    for behind, verdict in ((10, Verdict.DOUBTFUL), (300, Verdict.WRONG)):
+    for behind, verdict in ((10, RecordingVerdict.DOUBTFUL), (300, RecordingVerdict.WRONG)):
         back = SetBack(5, largest=10**7, interval=5 * 10**6, behind=behind, total=4000, logged=True)
         log = replace(good, position=replace(good.position, set_back=back))
         found = check(machine, log)
@@ -357,7 +357,7 @@ def test_time_that_went_back_is_wrong_from_a_share_on(machine: Machine, good: Lo
 
 def test_stamps_that_are_unusable_are_told(machine: Machine, good: Log) -> None:
     found = check(machine, replace(good, unstamped=("/joint_states",)))
-    assert found.verdict is Verdict.DOUBTFUL and "no usable stamp" in found.unchecked[0]
+    assert found.verdict is RecordingVerdict.DOUBTFUL and "no usable stamp" in found.unchecked[0]
 
 
 def test_what_cannot_be_checked_is_said_and_not_refused(machine: Machine, good: Log) -> None:
