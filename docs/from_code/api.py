@@ -12,12 +12,10 @@ MODULES = {
     "Terms": (
         "crane_model.terms.term",
         "crane_model.terms.joint_term",
-        "crane_model.terms.term",
         "crane_model.terms.catalogue",
     ),
     "Bags": ("crane_bags.reader", "crane_bags.writer"),
     "Trajectories": (
-        "crane_trajectory.motion.periodic",
         "crane_trajectory.motion.periodic",
         "crane_trajectory.motion.motion",
         "crane_trajectory.motion.check",
@@ -39,7 +37,6 @@ MODULES = {
     ),
     "Stand-in machine": (
         "crane_sim.make_bag",
-        "crane_sim.parts.parameters",
         "crane_sim.parts.parameters",
         "crane_sim.hiding.calibrate",
     ),
