@@ -16,7 +16,7 @@ from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import _ModelFile
 from crane_model.sensors import SensorChain
-from crane_nodes.parameters import JointNotes
+from crane_nodes.joint_notes import JointNotes
 from crane_sim.hiding.label import Spec
 from crane_sim.parts.parameters import StandIn
 from crane_trajectory.control.pd_dead_zone import Gains

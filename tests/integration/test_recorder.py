@@ -25,7 +25,7 @@ from crane_bags.types import (
     VALVE_COMMAND,
 )
 from crane_model.errors import DataError
-from crane_nodes.recording.recorder_node import SHORTEST_SILENCE_S
+from crane_nodes.recording.statistics import SHORTEST_SILENCE_S
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
 SECOND = 1_000_000_000  # ns

@@ -5,12 +5,10 @@ The range of a number stands with it alone: ROS, `--help` and the checks have it
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import Field, RootModel
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -20,10 +18,9 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine, load_machine
-from crane_model.machine_files import DEFAULT_MACHINE, of_every_joint
+from crane_model.machine_files import DEFAULT_MACHINE
 
 
 @dataclass(frozen=True)
@@ -264,25 +261,3 @@ def read_again(node: Node, machine: Machine) -> Machine:
             f"now they are {', '.join(now.joint_names)}; start the node again"
         )
     return now
-
-
-# What nodes and operators need to know of each joint of a machine: its `joints.yaml`.
-
-
-class JointNote(Schema):
-    """An entry of `joints.yaml`, where the units are."""
-
-    jerk_density: Positive
-    tracking_tolerance: Annotated[float, Field(ge=1e-4, le=2.0)]
-    joystick_axis: Annotated[int, Field(ge=0, le=63)]
-    positive: str
-    ruler: str
-
-
-class JointNotes(RootModel[dict[str, JointNote]]):
-    """The whole file."""
-
-
-def load_joint_notes(path: Path | str, joints: Mapping[str, str]) -> dict[str, JointNote]:
-    """The notes of the `joints` of a machine, in their order; `ConfigurationError` if wrong."""
-    return of_every_joint(load(path, JointNotes).root, tuple(joints), str(path))

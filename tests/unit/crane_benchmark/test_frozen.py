@@ -32,7 +32,7 @@ def sources() -> dict[str, str]:
 
 
 def test_all_code_between_a_bag_and_its_verdict_counts(sources) -> None:
-    decides = {"decision", "verdict", "learner", "pulsation", "autoregression", "friction_load"}
+    decides = {"decision", "verdict", "learner", "pulsation", "autoregression", "friction"}
     assert decides | {"kalman", "reader"} <= set(sources)
     assert not {"findings", "explain", "page", "identification_node", "plant"} & set(sources)
 

@@ -24,7 +24,7 @@ from crane_driver.safety.supervisor import Supervisor
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_nodes.parameters import load_joint_notes
+from crane_nodes.joint_notes import load_joint_notes
 
 LOADER = Path(__file__).parents[2] / "machines" / "loader"
 MACHINE = load_machine(LOADER)

@@ -5,7 +5,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_nodes.parameters import load_joint_notes
+from crane_nodes.joint_notes import load_joint_notes
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.closed_loop import LatePlant, record
 from crane_sim.plant.sampled import Sensors

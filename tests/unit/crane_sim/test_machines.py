@@ -19,7 +19,7 @@ from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
-from crane_nodes.parameters import load_joint_notes
+from crane_nodes.joint_notes import load_joint_notes
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.drawing.scene import Scene
 from crane_sim.effects.form import Where

@@ -26,7 +26,7 @@ ID, MODEL, SIM = (
 )
 NO_JOINTS = (  # other fours, and other things of these names
     "src/crane_bags/crane_bags/chunks.py",  # columns of an index
-    f"{ID}/estimation/lack_of_fit.py",  # results of a test
+    f"{ID}/estimation/autoregression.py",  # results of a test
     f"{ID}/hydraulics/balance.py",  # metering edges
     f"{MODEL}/linkages.py",  # bars
     f"{SIM}/effects/kernel.py",  # what a load that hangs does
@@ -34,14 +34,14 @@ NO_JOINTS = (  # other fours, and other things of these names
 )
 OF_THE_REPORT = (  # what is its crane: base parameters by name, the drawing, the old file format
     *(f"{MODEL}/{name}.py" for name in ("base_parameters", "machine/machine", "machine/planar")),
-    *(f"{MODEL}/{name}.py" for name in ("machine/old_format", "terms/rigid_body")),
+    f"{MODEL}/terms/rigid_body.py",
     f"{ID}/estimation/physics.py",
-    *(f"{SIM}/{name}.py" for name in ("drawing/moving", "planted")),
+    *(f"{SIM}/{name}.py" for name in ("drawing/bodies", "planted")),
     "src/crane_benchmark/",  # measured on it
 )
 OF_SOME_MACHINES = (  # effects of what slews or telescopes, and the signals that they follow
-    *(f"{MODEL}/terms/{name}.py" for name in ("effect", "gravity_and_load", "sensing")),
-    *(f"{MODEL}/terms/{name}.py" for name in ("drawn_friction", "friction_load")),
+    *(f"{MODEL}/terms/{name}.py" for name in ("term", "gravity_and_load", "sensing")),
+    *(f"{MODEL}/terms/{name}.py" for name in ("drawn_friction", "friction")),
     f"{MODEL}/record.py",
     *(f"{ID}/data/{name}.py" for name in ("bag_log", "column_map", "resample")),
     *(f"{ID}/diagnosis/{name}.py" for name in ("fit/features", "variables")),

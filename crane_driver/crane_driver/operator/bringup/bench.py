@@ -16,7 +16,7 @@ from crane_driver.operator.bringup.motion import Mover, StoppedError
 from crane_driver.operator.bringup.samples import ROTARY, Rest, at_rest
 from crane_driver.operator.bringup.series import MAPPING, Series, copy_changed
 from crane_driver.operator.bringup.terminal import BringupTerminal, Parameters, driver_command
-from crane_nodes.parameters import JointNote
+from crane_nodes.joint_notes import JointNote
 
 REPEATS = 5  # of one ramp
 Done = TypeVar("Done")

@@ -34,18 +34,11 @@ from crane_model.errors import ConfigurationError, CraneError
 from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient, NoDriverError
 from crane_nodes.executor import KeptExecutor
+from crane_nodes.joint_notes import JointNote, load_joint_notes
 from crane_nodes.managed import Stop, own_arguments, ros, say_ready
 from crane_nodes.names import publishers
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import (
-    MACHINE,
-    JointNote,
-    NodeParameter,
-    Number,
-    declare,
-    declare_machine,
-    load_joint_notes,
-)
+from crane_nodes.parameters import MACHINE, NodeParameter, Number, declare, declare_machine
 
 # The parameters of jog.
 

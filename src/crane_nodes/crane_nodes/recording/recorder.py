@@ -11,7 +11,8 @@ from crane_model.cli import above, command_line, run
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.managed import own_arguments, ros
 from crane_nodes.recording.bag import RecordedBag, Split
-from crane_nodes.recording.recorder_node import Recorder, shown, table
+from crane_nodes.recording.recorder_node import Recorder
+from crane_nodes.recording.statistics import shown, table
 
 NAMES = tuple(topic.relative for topic in TOPICS)
 MEGABYTE = 1_000_000

@@ -32,7 +32,7 @@ from crane_nodes.recording.bag import (
     hash_of,
     installed_definition,
 )
-from crane_nodes.recording.recorder_node import table
+from crane_nodes.recording.statistics import table
 
 # What can be read of mcap files that were never closed: every whole record up to the damage.
 

@@ -14,7 +14,7 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine, MachineJoint, load_machine
 from crane_model.machine_files import machine_file, of_every_joint
 from crane_model.sensors import SensorChain
-from crane_nodes.parameters import JointNotes
+from crane_nodes.joint_notes import JointNotes
 
 # Everything that the stand-in machine hides from the identification, from one YAML file.
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_nodes.recording.recorder_node import (
+from crane_nodes.recording.statistics import (
     SHORTEST_SILENCE_S,
     SILENCE_PAUSES,
     Rhythm,

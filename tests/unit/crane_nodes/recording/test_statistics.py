@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_nodes.recording.recorder_node import Arrivals, table
+from crane_nodes.recording.statistics import Arrivals, table
 
 
 def arrivals(sequences: list[int | None], publishers: int = 1) -> Arrivals:

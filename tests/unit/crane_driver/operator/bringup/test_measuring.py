@@ -17,8 +17,8 @@ from crane_driver.operator.bringup.terminal import BringupTerminal
 from crane_model.configuration import load
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_nodes.joint_notes import load_joint_notes
 from crane_nodes.managed import Stop
-from crane_nodes.parameters import load_joint_notes
 
 MAPPING, MACHINE = machine_file("can.yaml"), load_machine()
 JOINTS = MACHINE.joint_names

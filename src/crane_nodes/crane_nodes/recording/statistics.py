@@ -1,0 +1,159 @@
+"""What arrived on each topic, how fast, what was lost on the way, and when a topic is silent."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+
+class Arrivals:
+    """Messages of one topic.
+
+    Losses are counted by the sequence numbers of the publisher. These do not say which publisher
+    they are of, so that of a topic with several the losses are not known.
+
+    count: messages; lost: messages, None where not known; rate: Hz, over the last period.
+    """
+
+    def __init__(self, publishers: int, now: float):
+        self.count = 0
+        self.lost: int | None = 0
+        self.rate = 0.0
+        self._next: int | None = None
+        self._publishers = 0
+        self._measured = (now, 0)
+        self.published_by(publishers)
+
+    def arrived(self, sequence: int | None) -> None:
+        """Count a message with the sequence number of its publisher, if the middleware has one."""
+        self.count += 1
+        if sequence is None:
+            self.lost = None
+        if self.lost is None or sequence is None:
+            return
+        if self._next is not None and sequence > self._next:
+            self.lost += sequence - self._next
+        self._next = sequence + 1  # a publisher that was started again begins at 1
+
+    def published_by(self, publishers: int) -> None:
+        """State how many publishers there are now."""
+        if publishers > 1:
+            self.lost = None
+        if publishers != self._publishers:
+            self._next = None
+        self._publishers = publishers
+
+    def measure(self, now: float) -> None:
+        """End a period of `rate`; `now` [s] is of a steady clock."""
+        begin, count = self._measured
+        self.rate = (self.count - count) / (now - begin)
+        self._measured = (now, self.count)
+
+
+def shown(lost: int | None) -> str:
+    """The number of lost messages as text."""
+    return "unknown" if lost is None else str(lost)
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Text in columns: the first two to the left, numbers behind them to the right."""
+    lines = [headings, *rows]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(headings))]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if k < 2 else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    )
+
+
+# When a topic that has a publisher is silent: by its kind, or by its rhythm so far.
+#
+# A continuous topic of the suite is silent after `SHORTEST_SILENCE_S` without a message, be it that
+# none came yet. Of a topic that the suite does not know the rhythm has to be seen first: it is
+# silent after `SILENCE_PAUSES` times its longest pause, once it has come for `SEEN_S` and for
+# `SEEN_PAUSES` times that pause. Latched topics, and those of the suite that pause, are silent as
+# they please.
+
+SHORTEST_SILENCE_S = 3.0
+SILENCE_PAUSES = 5.0  # times
+SEEN_S = 10.0
+SEEN_PAUSES = 10.0  # times
+
+
+class Rhythm(Enum):
+    """What is expected of a topic."""
+
+    CONTINUOUS = auto()
+    ANY = auto()  # nothing: latched, or sent now and then
+    UNKNOWN = auto()  # to be learned
+
+
+@dataclass(frozen=True)
+class Span:
+    """A silence [s, steady clock]."""
+
+    begin: float
+    end: float
+
+    @property
+    def seconds(self) -> float:
+        """From its begin to its end."""
+        return self.end - self.begin
+
+
+class Silence:
+    """The silences of one topic.
+
+    since: when the present one began [s, steady clock]; None while there is none; over: those that
+    have ended, by a message or because the publisher has gone.
+    """
+
+    def __init__(self, rhythm: Rhythm):
+        self.since: float | None = None
+        self.over: list[Span] = []
+        self._rhythm = rhythm
+        self._first: float | None = None  # message
+        self._last = 0.0  # message
+        self._pause = 0.0  # the longest
+        self._there: float | None = None  # since when there is a publisher
+
+    def arrived(self, now: float) -> None:
+        """A message has come."""
+        if self._first is None:
+            self._first = now
+        else:
+            self._pause = max(self._pause, now - self._last)
+        self._last = now
+        self._end(now)
+
+    def look(self, publishers: int, now: float) -> None:
+        """Judge at `now`, with so many publishers that are heard."""
+        if not publishers:
+            self._there = None
+            self._end(now)
+            return
+        if self._there is None:
+            self._there = now
+        begin = self._there if self._first is None else max(self._there, self._last)
+        if self.since is None and now - begin > self._longest():
+            self.since = begin
+
+    def spans(self, now: float) -> list[Span]:
+        """All of them until `now`."""
+        return self.over + ([] if self.since is None else [Span(self.since, now)])
+
+    def _longest(self) -> float:
+        """How long it may pause [s]."""
+        if self._rhythm is Rhythm.CONTINUOUS:
+            return SHORTEST_SILENCE_S
+        if self._rhythm is Rhythm.UNKNOWN and self._first is not None:
+            seen = self._last - self._first
+            if seen >= SEEN_S and seen >= SEEN_PAUSES * self._pause:
+                return max(SHORTEST_SILENCE_S, SILENCE_PAUSES * self._pause)
+        return float("inf")
+
+    def _end(self, now: float) -> None:
+        if self.since is not None:
+            self.over.append(Span(self.since, now))
+        self.since = None
