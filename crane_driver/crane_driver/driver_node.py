@@ -37,10 +37,11 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
 from crane_model.urdf import urdf
 from crane_nodes.driver_client import LATCHED, STATE_TOPIC
+from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
 from crane_nodes.managed import AUTOSTART, run_managed, say_ready
 from crane_nodes.names import full_name
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import MACHINE, declare, declare_machine, hold, read_again
+from crane_nodes.parameters import declare, hold
 
 REPORT_PERIOD_S = 1.0
 DEPTH = 10  # messages

@@ -10,8 +10,9 @@ from crane_driver.can.bus import BusSettings, bus_settings
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART
-from crane_nodes.parameters import MACHINE, NodeParameter, Number, Switch, Text
+from crane_nodes.parameters import NodeParameter, Number, Switch, Text
 from crane_nodes.scheduling import RealTimeSettings
 
 INTERFACE = Text(

@@ -20,8 +20,8 @@ from tqdm import tqdm
 from crane_interfaces.action import RunExcitation
 from crane_model.cli import INTERRUPTED, add_replace, check_out, command_line, run, whole
 from crane_model.errors import CraneError
-from crane_model.machine_files import NumberByJoint, ResultFile
 from crane_model.progress_bar import BAR, progress_bar
+from crane_model.result_file import NumberByJoint, ResultFile
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.managed import Stop, own_arguments, ros, say_ready

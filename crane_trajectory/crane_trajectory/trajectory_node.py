@@ -28,10 +28,11 @@ from crane_interfaces.msg import DriverState, JointReference
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverWatch
+from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
 from crane_nodes.managed import AUTOSTART, run_managed, say_ready
 from crane_nodes.names import full_name
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import MACHINE, declare, declare_machine, hold, read_again
+from crane_nodes.parameters import declare, hold
 from crane_nodes.scheduling import RealTime, RealTimeSettings
 from crane_trajectory.control.pd_dead_zone import Tuning, compile_command
 from crane_trajectory.experiment import Experiment, Outcome, Readiness

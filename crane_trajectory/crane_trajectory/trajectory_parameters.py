@@ -13,8 +13,9 @@ from crane_model.errors import ConfigurationError, CraneError
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART
-from crane_nodes.parameters import MACHINE, NodeParameter, Number, Switch, Text, declare, given
+from crane_nodes.parameters import NodeParameter, Number, Switch, Text, declare, given
 from crane_trajectory.control.choice import MAY_LEARN, NAMES, PD_DEAD_ZONE
 from crane_trajectory.control.pd_dead_zone import Gains, JointGains, Tuning, load_gains
 

@@ -14,8 +14,8 @@ from crane_bags.types import JOINT_REFERENCE, JOINT_STATES
 from crane_identification.report.terminal import plain_table
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
-from crane_model.machine_files import NumberByJoint
 from crane_model.model_file import load_model
+from crane_model.result_file import NumberByJoint
 from crane_trajectory.control.choice import controller
 from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.run_excitation_node import ExcitationResult

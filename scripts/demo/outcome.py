@@ -6,7 +6,7 @@ import bags
 from laws import OUT, Law
 
 from crane_identification.report.summary import Summary
-from crane_model.machine_files import Number, NumberByJoint, ResultFile, ResultPart
+from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 from crane_sim.hiding.label import LabelledEffect
 from crane_trajectory.run_excitation_node import ExcitationResult
 

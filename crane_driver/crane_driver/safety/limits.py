@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError
+from crane_model.joint_tables import of_every_joint
 from crane_model.machine import JointLimits, Machine
-from crane_model.machine_files import of_every_joint
 
 # The settings of the safety functions, from `safety.yaml`.
 

@@ -6,8 +6,8 @@ from crane_identification.diagnosis.answer.unknown import Drawing, NearSignature
 from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.variables import unit_of
-from crane_model.machine_files import Number, NumberByJoint, ResultFile, ResultPart
 from crane_model.open_question import OpenQuestions
+from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
 # What findings.json says of one effect that was found, or came near.
 

@@ -151,8 +151,11 @@ def _in_space(model: Model, term: Term, base: np.ndarray) -> Bodies:
 
 def _hidden_rotors(model: Model, term: Term, machine: Machine) -> np.ndarray:
     """(r, l) parameters of the bodies of `term` that a rotor of 1 kg m² is taken for."""
-    modelled = {one.only_joint for one in model.terms if isinstance(one, RotorInertia)}
-    lacking = [j for j in machine.rotors if j in model.joints and j not in modelled]
+    lacking = [
+        joint
+        for joint in machine.rotors
+        if joint in model.joints and RotorInertia(joint=joint) not in model.terms
+    ]
     motion = np.random.default_rng(0).standard_normal((3, STATES, len(model.joints)))
     record = Record(model.joints, np.arange(float(STATES)), *motion)
     columns = term.columns(record, model.setting)

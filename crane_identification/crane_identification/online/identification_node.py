@@ -29,10 +29,11 @@ from crane_model.configuration import load
 from crane_model.errors import CraneError, DataError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model, save_model
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed, say_ready
 from crane_nodes.names import full_name
 from crane_nodes.node_time import NodeTime, Pacing, tell_back
-from crane_nodes.parameters import MACHINE, NodeParameter, Number, Numbers, Text, declare, hold
+from crane_nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_nodes.polled import Polled
 
 # What /diagnostics says of the identification.

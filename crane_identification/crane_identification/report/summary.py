@@ -7,7 +7,7 @@ import numpy as np
 
 from crane_identification.report.content import IdentificationReport, JointErrors
 from crane_identification.scale.summed import SummedFit
-from crane_model.machine_files import Number, NumberByJoint, ResultFile, ResultPart
+from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
 
 class ParameterSummary(ResultPart):

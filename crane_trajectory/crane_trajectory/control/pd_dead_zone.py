@@ -12,8 +12,8 @@ from pydantic import ConfigDict, Field, RootModel, model_validator
 
 from crane_model.configuration import Schema, load
 from crane_model.errors import RangeError
+from crane_model.joint_tables import of_every_joint
 from crane_model.machine import Machine
-from crane_model.machine_files import of_every_joint
 from crane_trajectory.control.flow_feedforward import BUMP, STOP_RATE
 from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted, conditions
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from crane_model.configuration import save
 from crane_model.errors import ConfigurationError, CraneError, RangeError
-from crane_model.machine_files import Number, ResultFile, ResultPart, machine_file
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.open_question import (
     OpenMember,
@@ -19,6 +19,7 @@ from crane_model.open_question import (
     read_open,
 )
 from crane_model.progress_bar import progress_bar
+from crane_model.result_file import Number, ResultFile, ResultPart
 from crane_model.terms import load_terms
 from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
 from crane_trajectory.excitation.limits import DesignSettings, load_design_settings

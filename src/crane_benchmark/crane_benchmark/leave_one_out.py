@@ -34,7 +34,7 @@ from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 from crane_model.cli import command_line
 from crane_model.errors import CraneError
-from crane_model.machine_files import ResultFile, ResultPart
+from crane_model.result_file import ResultFile, ResultPart
 from crane_model.terms import REGISTRY
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from crane_model.machine_files import ResultFile, ResultPart
+from crane_model.result_file import ResultFile, ResultPart
 
 NO_BREAK = "\u00a0"
 COLUMNS = ("what", "target", "measured")

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ConfigDict
 
-from crane_model.machine_files import Number, NumberByJoint, ResultFile, ResultPart
+from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
 
 class QuestionKind(StrEnum):

@@ -9,7 +9,8 @@ from crane_model import cli
 from crane_model.configuration import load, save
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model
-from crane_observer.monitor.replay import Heed, WatchedBag, draw, watch
+from crane_observer.monitor.picture import draw
+from crane_observer.monitor.replay import Heed, WatchedBag, watch
 from crane_observer.monitor.tolerance import APART, Tolerance, learn
 
 

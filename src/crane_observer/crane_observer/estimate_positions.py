@@ -13,7 +13,8 @@ from crane_model.cli import between
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model
 from crane_observer.position.hypotheses import refuse_unserved
-from crane_observer.position.replay import EstimatedCourse, draw, replay_smoothed
+from crane_observer.position.picture import draw
+from crane_observer.position.replay import EstimatedCourse, replay_smoothed
 from crane_observer.position.sensor import START, PositionSensor
 from crane_observer.recording import HeardRecording
 

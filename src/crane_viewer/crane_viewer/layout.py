@@ -24,6 +24,7 @@ STATES = {
     "enabled": (42, 143, 89),
     "degraded": (226, 113, 29),
     "disabled": (138, 148, 158),
+    "listening": (70, 130, 180),
     "offline": (196, 160, 60),
     "fault": (194, 40, 31),
     "emergency stop": (150, 10, 10),

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from crane_model.errors import DataError
-from crane_model.machine_files import Number, NumberByJoint, ResultFile
+from crane_model.result_file import Number, NumberByJoint, ResultFile
 
 
 class Weights(ResultFile):

@@ -25,8 +25,9 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import own_arguments, ros, ros_arguments
-from crane_nodes.parameters import MACHINE, NodeParameter, Switch
+from crane_nodes.parameters import NodeParameter, Switch
 
 USE_SIM_TIME = Switch("use_sim_time", False, "run on simulated time")  # of every node
 ORDER = """\

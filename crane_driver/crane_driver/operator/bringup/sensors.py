@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_driver.operator.bringup.samples import SINKING, Rest
 from crane_model.errors import DataError
-from crane_model.machine_files import ResultPart
+from crane_model.result_file import ResultPart
 
 # Zero and sign of an encoder, from a known pose and a movement in the positive direction.
 

@@ -14,7 +14,7 @@ from crane_driver.operator.bringup.sensors import EncoderResult, PressureResult
 from crane_driver.operator.bringup.valves import DeadBandResult, FirstGains, PolarityResult
 from crane_model.configuration import load
 from crane_model.errors import DataError
-from crane_model.machine_files import ResultPart
+from crane_model.result_file import ResultPart
 
 DIGITS = 6  # significant, of what is written
 

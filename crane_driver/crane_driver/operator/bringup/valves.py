@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from crane_driver.operator.bringup.samples import Trace
 from crane_model.errors import DataError
-from crane_model.machine_files import ResultPart
+from crane_model.result_file import ResultPart
 
 # Polarity of a valve: which way a joint moves at the smallest opening that moves it.
 

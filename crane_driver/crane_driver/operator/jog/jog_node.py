@@ -35,10 +35,11 @@ from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient, NoDriverError
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.joint_notes import JointNote, load_joint_notes
+from crane_nodes.machine_parameter import MACHINE, declare_machine
 from crane_nodes.managed import Stop, own_arguments, ros, say_ready
 from crane_nodes.names import publishers
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import MACHINE, NodeParameter, Number, declare, declare_machine
+from crane_nodes.parameters import NodeParameter, Number, declare
 
 # The parameters of jog.
 

@@ -26,9 +26,10 @@ from crane_driver.operator.panel.pages import (
 from crane_driver.operator.panel.web import Socket, listen
 from crane_model.cli import run
 from crane_nodes.executor import KeptExecutor
+from crane_nodes.machine_parameter import MACHINE, declare_machine
 from crane_nodes.managed import Stop, check_arguments, ros, say_ready
 from crane_nodes.names import full_name
-from crane_nodes.parameters import MACHINE, Number, Text, declare, declare_machine
+from crane_nodes.parameters import Number, Text, declare
 
 # The parameters of the panel.
 

@@ -27,8 +27,8 @@ from crane_identification.diagnosis.search.energy import strength
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds, load_thresholds
 from crane_model.errors import CraneError
-from crane_model.machine_files import Number, ResultFile, ResultPart
 from crane_model.model_file import Model, load_model, save_model
+from crane_model.result_file import Number, ResultFile, ResultPart
 
 # answer.json: what was said of a case, by those who had its bags alone.
 

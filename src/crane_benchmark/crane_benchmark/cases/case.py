@@ -10,7 +10,7 @@ from pydantic import ConfigDict
 
 from crane_benchmark.cases.motions import Richness
 from crane_model.configuration import Schema
-from crane_model.machine_files import ResultFile
+from crane_model.result_file import ResultFile
 from crane_sim.effects.form import Planted
 from crane_sim.hiding.label import LabelledEffect
 from crane_sim.make_bag import COLD, STARTED, Moment

@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_benchmark.answers.answer_cases import AnswerStatistics
 from crane_benchmark.scores.summary import Rate, rate
-from crane_model.machine_files import ResultPart
+from crane_model.result_file import ResultPart
 
 TAIL = 4  # the largest values, one in so many, say how a tail falls off
 LEVEL = 97  # %, of the bootstrap quantile that null cases are compared with

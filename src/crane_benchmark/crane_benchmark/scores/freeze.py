@@ -16,7 +16,7 @@ from crane_benchmark.scores.calibration import BootstrapAgreement, agreement, to
 from crane_identification.thresholds import Gates, load_thresholds
 from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError, DataError
-from crane_model.machine_files import ResultFile
+from crane_model.result_file import ResultFile
 
 PACKAGED = packaged("crane_identification", "discrepancy.yaml")
 OPEN = {

@@ -10,7 +10,7 @@ from enum import StrEnum
 from crane_benchmark.answers.answer_cases import CRASH, CaseAnswer
 from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.cases.case_sets import TWINS
-from crane_model.machine_files import ResultPart
+from crane_model.result_file import ResultPart
 from crane_model.terms import REGISTRY
 
 Place = tuple[str, str]

@@ -12,7 +12,7 @@ from crane_benchmark.cases.case_sets import STRENGTHS
 from crane_benchmark.cases.motions import Richness
 from crane_benchmark.scores.judgement import AND_MORE, OURS, BlindAnswer, Judgement
 from crane_identification.thresholds import load_thresholds
-from crane_model.machine_files import Number, NumberByJoint, ResultFile, ResultPart
+from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
 # Rates and medians with 95 % intervals.
 

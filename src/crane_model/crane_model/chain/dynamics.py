@@ -12,9 +12,8 @@ import numpy as np
 from numba import njit
 
 from crane_model.array import Array
-from crane_model.chain.serial_chain import (
+from crane_model.chain.pose import (
     ZERO,
-    SerialChain,
     Vector,
     add,
     cross,
@@ -26,6 +25,7 @@ from crane_model.chain.serial_chain import (
     turned,
     turned_back,
 )
+from crane_model.chain.serial_chain import SerialChain
 
 # How the bodies of a chain turn and accelerate: the outward pass of Newton and Euler.
 

@@ -12,7 +12,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from crane_model.array import Array
-from crane_model.chain.serial_chain import SerialChain, Vector, add, cross, dot, row, scaled
+from crane_model.chain.pose import Vector, add, cross, dot, row, scaled
+from crane_model.chain.serial_chain import SerialChain
 
 # Cosine and sine of the joints of a block of samples, as `crane_model.chain.lanes` keeps them.
 #

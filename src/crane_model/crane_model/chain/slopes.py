@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from crane_model.array import Array
 from crane_model.chain.dynamics import BodyMotion, inertia_times, set_motion, workspace
-from crane_model.chain.serial_chain import (
+from crane_model.chain.pose import (
     ZERO,
-    SerialChain,
     Vector,
     add,
     cross,
@@ -23,6 +22,7 @@ from crane_model.chain.serial_chain import (
     turned,
     turned_back,
 )
+from crane_model.chain.serial_chain import SerialChain
 
 
 class Slopes(NamedTuple):

@@ -15,10 +15,11 @@ from crane_bags.clocks import NANOSECONDS, TimeBack
 from crane_interfaces.msg import PositionEstimate, SensorFindings, TipLoad
 from crane_model.array import Array
 from crane_model.errors import CraneError
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, say_ready
 from crane_nodes.names import full_name
 from crane_nodes.node_time import NodeTime, Pacing, nanoseconds, stamp_of, tell_back
-from crane_nodes.parameters import MACHINE, NodeParameter, declare, hold
+from crane_nodes.parameters import NodeParameter, declare, hold
 from crane_nodes.polled import Polled
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.signatures import Part

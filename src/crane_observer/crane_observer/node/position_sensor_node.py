@@ -15,9 +15,10 @@ from crane_model.array import Array, Flags
 from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.node_time import nanoseconds
-from crane_nodes.parameters import MACHINE, NodeParameter, Number, Numbers, Text
+from crane_nodes.parameters import NodeParameter, Number, Numbers, Text
 from crane_observer.node.observer_node import (
     COMMANDS,
     DEEP,

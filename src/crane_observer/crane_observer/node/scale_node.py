@@ -14,9 +14,10 @@ from crane_interfaces.msg import CylinderPressures, PositionEstimate, TipLoad
 from crane_model import cli
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.node_time import nanoseconds
-from crane_nodes.parameters import MACHINE, NodeParameter, Text
+from crane_nodes.parameters import NodeParameter, Text
 from crane_observer.node.observer_node import (
     DEEP,
     JOINT_STATES,

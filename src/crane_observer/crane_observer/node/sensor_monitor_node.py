@@ -12,9 +12,10 @@ from crane_interfaces.msg import CylinderPressures, SensorFindings, ValveCommand
 from crane_model.configuration import load
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.node_time import nanoseconds
-from crane_nodes.parameters import MACHINE, NodeParameter, Text
+from crane_nodes.parameters import NodeParameter, Text
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.replay import Heed, SensorWatch
 from crane_observer.monitor.tolerance import Tolerance

@@ -13,7 +13,7 @@ from crane_model.configuration import Schema, load, validate
 from crane_model.cylinders import generalized_forces, lever_arms
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import Machine
-from crane_model.machine_files import Number, ResultFile, ResultPart
+from crane_model.result_file import Number, ResultFile, ResultPart
 from crane_sim.effects.form import Form, Planted, SensorFault, measured_joints
 from crane_sim.effects.forms import FORMS
 from crane_sim.parts.parameters import StandIn

@@ -11,8 +11,9 @@ from pydantic import Field, model_validator
 from crane_model.actuators.cylinders import CylinderActuator
 from crane_model.configuration import NonNegative, Positive, Schema, load, read_yaml, validate
 from crane_model.errors import ConfigurationError
+from crane_model.joint_tables import of_every_joint
 from crane_model.machine import Machine, MachineJoint, load_machine
-from crane_model.machine_files import machine_file, of_every_joint
+from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
 from crane_nodes.joint_notes import JointNotes
 

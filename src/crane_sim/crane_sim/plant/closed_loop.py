@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.integrate import quad
 
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.errors import ConfigurationError, RangeError
@@ -212,6 +211,8 @@ def mean_delay(period: float, delay: float = DELAY, spread: float = SPREAD) -> f
         return float(1.0 - np.prod(np.minimum((wait + before) / spread, 1.0)))
 
     kinks = (spread - before)[1:]
+    from scipy.integrate import quad  # half a second, for the few that ask
+
     return delay + float(quad(later_than, 0.0, spread, points=kinks)[0])
 
 
