@@ -63,7 +63,7 @@ class CycleNumbers:
 
     @staticmethod
     def possible(messages: Sequence[MessageLayout]) -> bool:
-        """Whether all have a counter and the same cycle time."""
+        """Return whether all have a counter and the same cycle time."""
         counted = all(one.protection.counter for one in messages)
         return counted and len({one.cycle for one in messages}) == 1
 

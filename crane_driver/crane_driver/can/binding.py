@@ -3,6 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import TypeVar
 
@@ -190,19 +191,7 @@ class _Binder:
         elif not self.listen_only:
             self._check_side(key, signal_name, channel, least, most)
         self.commands[message.name].append(
-            ValveChannel(
-                channel.name,
-                channel.signal,
-                channel.gain,
-                channel.offset,
-                channel.low,
-                channel.high,
-                is_float=channel.is_float,
-                code_bits=channel.code_bits,
-                least=least,
-                most=most,
-                direction=direction,
-            )
+            ValveChannel(*astuple(channel), least=least, most=most, direction=direction)
         )
 
     def _check_side(
@@ -375,7 +364,7 @@ class _Binder:
         return named[1]
 
     def _check_sent(self, received: dict[str, None], sent: dict[str, None]) -> None:
-        """Whether all is known that is to be sent."""
+        """Check that all is known of the messages that are sent."""
         if not self.mapping.commands:
             self._problem(
                 "commands", "no valve is mapped; map one, or only listen (driver: listen_only)"

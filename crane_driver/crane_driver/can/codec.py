@@ -82,11 +82,6 @@ class MachineCodec:
         return self._decoder.decode(frame)
 
     @property
-    def conflicts(self) -> dict[str, tuple[str, str]]:
-        """Ids of two devices that both send a command message (see `Decoder`)."""
-        return self._decoder.conflicts
-
-    @property
     def cycles(self) -> dict[str, float]:
         """Cycle time of each message to be sent [s]."""
         return {name: layout.cycle for name, layout in self._layouts.items()}

@@ -65,7 +65,7 @@ class Dbc:
         return self._found[key]
 
     def any_source(self, message: Message) -> bool:
-        """Whether a reading takes the message from any source address.
+        """Return whether a reading takes the message from any source address.
 
         It does if the DBC names a placeholder, and no other message of the group. A real address is
         that of one device: in its place, another one of the same make must not be believed.
@@ -75,7 +75,7 @@ class Dbc:
 
 
 def addressed(message: Message, identifier: int) -> bool:
-    """Whether a frame of the message's group goes to the address that the DBC states, or to any."""
+    """Return whether a frame of the group goes to the address of the DBC, or to any."""
     stated, sent = frame_id_unpack(message.frame_id), frame_id_unpack(identifier)
     if stated.pdu_format >= BROADCAST or stated.pdu_specific in ANY:
         return True
@@ -231,7 +231,7 @@ def to_channel(
 ) -> Channel:
     """Channel of a signal whose physical value times `factor` plus `shift` is the SI value.
 
-    Of a signal whose greatest values are codes, `bits` is its length.
+    `bits`: length of a signal whose greatest values are codes; 0 for other signals.
     """
     gain, offset = signal.scale * factor, signal.offset * factor + shift
     least, greatest = raw_limits(signal)
@@ -263,11 +263,11 @@ def raw_limits(signal: Signal) -> tuple[float, float]:
 
 
 def is_scaled(signal: Signal) -> bool:
-    """Whether raw and physical value differ."""
+    """Return whether raw and physical value differ."""
     return signal.scale != 1 or signal.offset != 0
 
 
 def fills_byte(signal: Signal) -> bool:
-    """Whether the raw value is one whole byte of the frame."""
+    """Return whether the raw value is one whole byte of the frame."""
     first_bit = 0 if signal.byte_order == "little_endian" else 7
     return signal.length == 8 and signal.start % 8 == first_bit and not is_scaled(signal)

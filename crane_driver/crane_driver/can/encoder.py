@@ -44,7 +44,7 @@ class SignalBits:
     def pack(self, raw: Mapping[str, float]) -> bytes:
         """The bytes with a raw value for each signal, none missing, whole numbers as `int`.
 
-        Where signals overlap, bits that either sets are set.
+        If signals overlap, a bit is set if either signal sets it.
         """
         if self._multiplexed:
             return self._message.encode(raw, False, False, False)

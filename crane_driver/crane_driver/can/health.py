@@ -147,7 +147,7 @@ def _late(stream: MessageStream, gap: float) -> Fault:
 
 @dataclass(slots=True)
 class _Sent:
-    """What is known of the frames of one command message."""
+    """Frames of one command message, as far as they are known."""
 
     layout: MessageLayout
     since: float = math.inf  # s, steady: when the first frame was sent that nothing answers yet
@@ -248,14 +248,14 @@ class ForeignCommands:
 
 
 class HeardCommand(NamedTuple):
-    """What all valves are commanded, as far as it is known, once a frame has come."""
+    """Commands of all valves after a frame, as far as they are known."""
 
     stamp: int  # ns, of reception
     commands: dict[str, float]  # joint: -1 to 1; NaN where it is not known
 
 
 class HeardCommands:
-    """What others command the valves, put together from their frames.
+    """Commands of others to the valves, put together from their frames.
 
     A valve keeps to its last command; after a silence of its message (`timing.missing`) its command
     is not known. Valves that are not enabled are neutral, whatever the frame says.

@@ -221,7 +221,8 @@ class LogBag:
             self._count(faults)
             if not any(fault.kind in UNUSABLE for fault in faults):
                 self._readings(readings)
-        for message, (first, second) in (self._driver.conflicts | self._heard.conflicts).items():
+        if conflicts := self._driver.conflicts or self._heard.conflicts:
+            message, (first, second) = next(iter(conflicts.items()))
             raise DataError(
                 f"message {message}: {first} and {second} both send it, and the DBC names neither; "
                 "write the id of the device that is meant into the DBC, or each as a message"
@@ -274,7 +275,7 @@ TABLES = (".csv", ".parquet")
 
 @dataclass(frozen=True)
 class DecodeRequest:
-    """What to decode: `mapping` is needed for a bag, `channel` if the log has several."""
+    """A log to decode: a bag needs `mapping`, a log of several channels needs `channel`."""
 
     log: Path
     dbc: Path

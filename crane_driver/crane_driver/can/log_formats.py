@@ -13,7 +13,9 @@ from typing import Any, BinaryIO, NamedTuple
 import can
 from can.io.generic import BinaryIOMessageReader, MessageReader, TextIOMessageReader
 
+from crane_bags.clocks import NANOSECONDS
 from crane_bags.fields import read_messages
+from crane_bags.storage import MCAP_MAGIC
 from crane_bags.types import CAN_FRAMES
 from crane_driver.can.asc import AscLog
 from crane_driver.can.bus_log import (
@@ -29,7 +31,7 @@ from crane_driver.can.bus_log import (
 from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
 
-MCAP, SQLITE = b"\x89MCAP0\r\n", b"SQLite format 3\x00"
+SQLITE = b"SQLite format 3\x00"
 BEGINNING = 4096  # bytes that tell the format
 SCREEN = re.compile(r"(\(.*\)\s+)?\S+\s+[0-9A-F]{3,8}\s+\[\d+\](\s+[0-9A-F]{2})*(\s+'.*')?")
 
@@ -77,7 +79,7 @@ def open_log(path: Path, channel: str | None = None, zone: tzinfo | None = None)
     except (OSError, EOFError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         raise DataError(f"{path}: cannot be read: {reason}") from None
-    if beginning.startswith(MCAP) or (beginning.startswith(SQLITE) and _is_bag(path)):
+    if beginning.startswith(MCAP_MAGIC) or (beginning.startswith(SQLITE) and _is_bag(path)):
         return BagOfFrames(path, channel)
     for known in FORMATS:
         if known.beginning.match(beginning.removeprefix(b"\xef\xbb\xbf")):
@@ -127,7 +129,7 @@ class BagOfFrames(BusLog):
         for topic, log_time, message in read_messages(self.path, CAN_FRAMES, progress):
             self.lines += 1
             header = message.header.stamp
-            stamp = header.sec * 1_000_000_000 + header.nanosec or log_time
+            stamp = header.sec * NANOSECONDS + header.nanosec or log_time
             length = message.dlc if hasattr(message, "dlc") else message.len
             frame = Frame(
                 message.id & IDENTIFIER,

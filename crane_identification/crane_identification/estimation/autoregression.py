@@ -74,7 +74,7 @@ def autocovariances(
     """Autocovariances (lags,) of the noise in the same regression: most probable, and cautious.
 
     Few rows do not show which model is true, and the most probable one may put little power just
-    where the columns have theirs. The cautious one never becomes smaller by chance: the spectra of
+    where the columns have theirs. The cautious one depends less on that choice: the spectra of
     all orders are averaged by their probability (Schwarz), order 1 over all its coefficients, and
     no frequency has less power than white noise as strong as the residual. If the columns explain
     all of the force, both are white noise of this `power`.

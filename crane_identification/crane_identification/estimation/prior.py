@@ -131,8 +131,8 @@ class PriorEntry(NamedTuple):
 class Prior:
     """Independent rows `matrix` Θ = `values`, each with the standard deviation 1: (k, p), (k,).
 
-    `entries` are the lines of the file that the rows come from. Of
-    `bodies` the divergence counts in the place of their rows, which stand last; None: the rows do.
+    `entries` are the lines of the file that the rows come from. The divergence from `bodies`
+    replaces their rows, which stand last; None: the rows count.
     """
 
     matrix: np.ndarray

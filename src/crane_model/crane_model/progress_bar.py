@@ -19,7 +19,6 @@ def silent(phase: str, done: float) -> None:
 
 PATIENCE = 2.0  # s before a bar appears
 BETWEEN_LINES = 10.0  # s
-FORESEEN = 0.01  # share that must be done before the remaining time can be estimated
 BAR = " |{bar}|"
 FORM = "{desc}: {percentage:3.0f} %" + BAR + " {elapsed} < {remaining}"
 
@@ -46,8 +45,7 @@ class _Lines(tqdm):  # type: ignore[type-arg]  # it takes none when it runs
     told = time.monotonic()  # when the last line was written, of whatever bar
 
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
-        early = self.total and self.n < FORESEEN * self.total
-        if self.n and not early and time.monotonic() - _Lines.told >= BETWEEN_LINES:
+        if self.n and time.monotonic() - _Lines.told >= BETWEEN_LINES:
             _Lines.told = time.monotonic()
             self.fp.write(f"{self}\n")
             self.fp.flush()

@@ -110,13 +110,7 @@ class CraneClient(Node):
             self._until(
                 lambda: publisher.get_subscription_count() > 0, "the driver takes no commands"
             )
-            for _ in range(20):  # the driver wants to see a neutral command first
-                drive.tick(0.0)
-            answer = self._answer(self._driver.enable(), drive)
-            if not answer.success:
-                raise MotionError(f"the driver does not enable the crane: {answer.message}")
-            drive.enabled = True
-            self._trouble, self._refused = "", None
+            self._enable(drive)
             yield drive
         finally:
             drive.leave()
