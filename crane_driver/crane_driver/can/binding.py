@@ -3,7 +3,6 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple
 from pathlib import Path
 from typing import TypeVar
 
@@ -191,7 +190,19 @@ class _Binder:
         elif not self.listen_only:
             self._check_side(key, signal_name, channel, least, most)
         self.commands[message.name].append(
-            ValveChannel(*astuple(channel), least=least, most=most, direction=direction)
+            ValveChannel(
+                channel.name,
+                channel.signal,
+                channel.gain,
+                channel.offset,
+                channel.low,
+                channel.high,
+                is_float=channel.is_float,
+                code_bits=channel.code_bits,
+                least=least,
+                most=most,
+                direction=direction,
+            )
         )
 
     def _check_side(
