@@ -56,7 +56,7 @@ def usable(log: Log, begin: float = 0.0, end: float = math.inf) -> Log:
     """
     cleaned: dict[str, Any] = {}
     notes: list[str] = []
-    again = _sent_again(log.position)
+    again = _sent_again(log)
     if count := int(
         np.count_nonzero(again & (log.position.time >= begin) & (log.position.time <= end))
     ):
@@ -80,8 +80,8 @@ def usable(log: Log, begin: float = 0.0, end: float = math.inf) -> Log:
                     f"{_which(signal, j, bad)}"
                 )
                 value[bad, j] = np.nan
-        if name == "position" or np.array_equal(signal.time, log.position.time):
-            value[again & _repeats(signal.value)] = np.nan
+        if np.array_equal(signal.time, log.position.time):
+            value[again] = np.nan
         cleaned[name] = replace(signal, value=value)
     return replace(log, **cleaned, notes=(*log.notes, *notes)).during(begin, end)
 
@@ -91,14 +91,18 @@ def _repeats(value: np.ndarray) -> np.ndarray:
     return np.append(False, (np.diff(value, axis=0) == 0.0).all(axis=1))
 
 
-def _sent_again(position: Signal) -> np.ndarray:
-    """(n,) rows in which no position changed, although a joint went on by more than its step.
+def _sent_again(log: Log) -> np.ndarray:
+    """(n,) rows in which no part of a state changed, although a joint went on by more than a step.
 
-    None unless this is a habit of the sender, and each time shorter than what may be bridged.
+    What has the stamps of the positions belongs to their state. None unless this is a habit of the
+    sender, and each time shorter than what may be bridged.
     """
-    time, value = position.time, position.value
+    time, value = log.position.time, log.position.value
     none = np.zeros(len(time), dtype=bool)
     repeats = _repeats(value)
+    for signal in (log.force, log.pressure_a, log.pressure_b):
+        if signal is not None and np.array_equal(signal.time, time):
+            repeats &= _repeats(signal.value)
     if repeats.mean() < OFTEN or not np.isfinite(value).all() or len(time) < 2 * NEIGHBOURS:
         return none
     moves, interval = none.copy(), np.diff(time)

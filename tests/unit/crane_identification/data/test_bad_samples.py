@@ -196,6 +196,14 @@ def test_states_that_were_sent_again_are_left_out(seed: int) -> None:
     np.testing.assert_array_equal(np.isnan(cleaned.force.value), np.isnan(cleaned.position.value))
 
 
+def test_a_reading_that_stays_beside_new_forces_is_no_state_sent_again() -> None:
+    log = sent_again(0)
+    assert log.force is not None
+    noise = np.random.default_rng(1).normal(size=log.force.value.shape)
+    measured = replace(log.force, value=log.force.value + noise)
+    assert usable(replace(log, force=measured)).notes == ()
+
+
 def held(log: Log, rows: np.ndarray) -> Log:
     """Positions of the first of both joints; each of `rows` repeats the one before."""
     value = log.position.value[np.maximum.accumulate(np.where(rows, 0, np.arange(len(rows))))]
