@@ -82,8 +82,10 @@ class NodeTime:
         """
         if not self.simulated:
             return time.monotonic()
-        self._newest = max(self._newest, nanoseconds(stamp))
-        return nanoseconds(stamp) / NANOSECONDS
+        time_of_message = nanoseconds(stamp)
+        if time_of_message > self._newest:  # /clock may wait behind it, while an executor is held
+            self._newest, self._heard = time_of_message, time.monotonic()
+        return time_of_message / NANOSECONDS
 
     def stamp(self) -> Time:
         """Stamp of what is sent now."""

@@ -105,6 +105,17 @@ def test_a_message_brings_its_time_before_its_tick_comes(
     assert clock.now() == 8.0, "an old message does not turn it back"
 
 
+def test_messages_show_that_time_goes_on_while_its_ticks_are_not_taken(
+    make: Callable[[bool], Node], real: Real
+) -> None:
+    clock = NodeTime(make(True))
+    clock.tell(tick(7.0))
+    for seconds in (8, 9, 10):
+        real.now += 0.5 * node_time.PATIENCE_S
+        clock.of(stamp_of(seconds * SECOND))
+    assert clock.now() == 10.0
+
+
 def test_time_goes_on_when_nobody_ticks_any_more(make: Callable[[bool], Node], real: Real) -> None:
     clock = NodeTime(make(True))
     clock.tell(tick(7.0))
