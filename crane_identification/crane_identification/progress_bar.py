@@ -7,14 +7,11 @@ from tqdm import tqdm
 
 from crane_model.progress_bar import progress_bar
 
-BAR_STEPS = 1000
+STEPS = 1000
 
 
 class ProgressBar:
-    """Progress of computations as bars on standard error, one bar for each phase.
-
-    A `crane_model.progress_bar.Progress` for `fit` and its like, and a context manager.
-    """
+    """A `crane_model.progress_bar.Progress` that draws bars on standard error."""
 
     def __init__(self) -> None:
         self._phase = ""
@@ -25,8 +22,8 @@ class ProgressBar:
         if phase != self._phase or self._bar is None:
             self.close()
             self._phase = phase
-            self._bar = progress_bar(phase, BAR_STEPS)
-        self._bar.update(round(done * BAR_STEPS) - self._bar.n)
+            self._bar = progress_bar(phase, STEPS)
+        self._bar.update(round(done * STEPS) - self._bar.n)
 
     def close(self) -> None:
         """End the bar that is shown."""

@@ -1,4 +1,4 @@
-"""One experiment in real time: moves the crane and brings it, whatever happens, to rest.
+"""One experiment in real time: leads the crane through a motion and, whatever happens, to rest.
 
     LEADING   the reference runs; a controller, by default (36), follows it
     BRAKING   the reference runs down along its own path
@@ -18,26 +18,19 @@ from enum import Enum, IntEnum, auto
 import numpy as np
 
 from crane_model.errors import RangeError
-from crane_trajectory.control.controller import (
-    Blend,
+from crane_trajectory.control.interface import (
     ChamberPressures,
     ControlCondition,
     Controller,
     Point,
     SensorReading,
-    Tuning,
     Wanted,
-    command,
-    gravest,
+    in_words,
 )
+from crane_trajectory.control.pd_dead_zone import Blend, Tuning, command
 from crane_trajectory.motion.motion import Motion, Phase, ReferenceClock, Target
 
-NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see neutral commands
-SETTLED_FOR = 0.3  # s at rest, after which the crane is taken to be at rest
-LONGEST_SETTLING = 3.0  # s; a crane that still swings is held by its valves
-RELEASE_TIME_S = 0.2  # from full spool to neutral; commands that just stop, the driver ramps
-NEUTRAL_AFTER = 0.2  # s, in which the driver surely sees that commands end at neutral
-REST_TIME_S = 0.2  # without motion before an experiment
+# How far the crane was from its reference.
 
 
 class PeriodicError:
@@ -86,6 +79,13 @@ def beyond(error: np.ndarray, tolerance: np.ndarray, units: Mapping[str, str]) -
     )
 
 
+NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see neutral commands
+SETTLED_FOR = 0.3  # s at rest, after which the crane is taken to be at rest
+LONGEST_SETTLING = 3.0  # s; a crane that still swings is held by its valves
+RELEASE_TIME_S = 0.2  # from full spool to neutral; commands that just stop, the driver ramps
+NEUTRAL_AFTER = 0.2  # s, in which the driver surely sees that commands end at neutral
+
+
 class Outcome(IntEnum):
     """How an experiment has ended; numbers as in the result of RunExcitation."""
 
@@ -111,23 +111,8 @@ class Stage(Enum):
 
 
 class Experiment:
-    """Moves the crane and brings it to rest.
-
-    `sample` is called with every joint state and `watch` regularly; their commands go to the
-    valves.
-
-    Parameters
-    ----------
-    motion
-        The motion.
-    tuning
-        Gains of (36), largest command and tracking tolerance.
-    states_timeout
-        Silence of joint states after which the valves are released [s].
-    now
-        Time of the steady clock [s].
-    controller
-        Leads the crane; by default (36) with the gains of the tuning.
+    """`sample` is called with every joint state and `watch` regularly; what they return goes to
+    the valves. `now` is of the steady clock [s], stamps [s] of any clock of the driver's.
     """
 
     def __init__(
@@ -138,11 +123,11 @@ class Experiment:
         now: float,
         controller: Controller | None = None,
     ):
+        """`controller` leads the crane, by default (36) with the gains of the tuning."""
         self.motion = motion
         self.stage = Stage.LEADING
         self.outcome = Outcome.COMPLETED
-        run = "every period" if motion.run_up else "the motion"
-        self.message = f"{run} has been run and the crane is at rest"
+        self.message = "every period has been run and the crane is at rest"
         self.target: Target | None = None  # None while no reference is followed
         self._units = motion.machine.units
         self.tracking_error = np.zeros(len(self._units))  # (j,) rad, m: reference minus measured
@@ -183,7 +168,7 @@ class Experiment:
         """How its controller is doing, in words."""
         if self._controller is None:
             return ControlCondition.FOLLOWING.text
-        return gravest(self._controller.conditions, tuple(self._units))
+        return in_words(self._controller.conditions, tuple(self._units))
 
     @property
     def account(self) -> str:
@@ -223,23 +208,9 @@ class Experiment:
         now: float,
         pressures: ChamberPressures | None = None,
     ) -> np.ndarray | None:
-        """Answer a joint state.
+        """The command (j,) that answers a joint state (j,), (j,) [SI]; None when it is over.
 
-        Parameters
-        ----------
-        stamp
-            Stamp of the joint state, of any clock of the driver's [s].
-        position, velocity
-            Joint state (j,) [SI].
-        now
-            Time of the steady clock [s].
-        pressures
-            The newest pressures; None if there are none.
-
-        Returns
-        -------
-        numpy.ndarray or None
-            Valve commands (j,) [-1..1]; None when the experiment is over.
+        `pressures` are the newest, None where there are none.
         """
         dt = stamp - self._stamp if self._stamp is not None else 0.0
         self._stamp, self._heard = stamp, now
@@ -291,10 +262,10 @@ class Experiment:
                 tuning.saturation,
             )
             conditions = self._controller.conditions
-            if any(condition.stops for condition in conditions):
+            if any(one.stops for one in conditions):
                 unknown = ControlCondition.NOT_MEASURED in conditions
                 why = Outcome.STATES_LOST if unknown else Outcome.TRACKING_LOST
-                self.release(why, gravest(conditions, tuple(self._units)), now)
+                self.release(why, in_words(conditions, tuple(self._units)), now)
                 return self._ramp(now)
             self._note(conditions)
         self.tracking_error = target.position - position
@@ -312,10 +283,10 @@ class Experiment:
         return self._command
 
     def _note(self, conditions: tuple[ControlCondition, ...]) -> None:
-        for condition in set(conditions) - self._noted.keys():
-            if condition > ControlCondition.FOLLOWING:
-                joint = tuple(self._units)[conditions.index(condition)]
-                self._noted[condition] = f"{joint} at {self.elapsed:.1f} s: {condition.text}"
+        for one in set(conditions) - self._noted.keys():
+            if one > ControlCondition.FOLLOWING:
+                joint = tuple(self._units)[conditions.index(one)]
+                self._noted[one] = f"{joint} at {self.elapsed:.1f} s: {one.text}"
 
     def _controlled(
         self,
@@ -377,9 +348,14 @@ def at_rest(velocity: np.ndarray, tuning: Tuning) -> bool:
     return bool((np.abs(velocity) < tuning.gains.standstill_speed).all())
 
 
+# What is known of the crane, and what of it is in the way of an experiment.
+
+REST_TIME_S = 0.2  # without motion before an experiment
+
+
 class Readiness:
-    """What is known of the crane, and what of it is in the way of an experiment. Pure: it knows no
-    ROS and reads no clock; `now` is of the steady clock [s].
+    """Joint states as they come. Pure: it knows no ROS and reads no clock; `now` is of the steady
+    clock [s].
     """
 
     def __init__(self) -> None:
@@ -414,10 +390,10 @@ class Readiness:
         half their tolerance; empty if there is none.
         """
         assert self.position is not None
-        moved, most = np.abs(self.position - start), tuning.tolerance / 2
+        way, most = np.abs(self.position - start), tuning.tolerance / 2
         return "; ".join(
-            f"{joint}: moved by {moved[i]:.4g} {unit} while its motion was planned, half the "
+            f"{joint}: moved by {way[i]:.4g} {unit} while its motion was planned, half the "
             f"tolerance is {most[i]:.4g} {unit}"
             for i, (joint, unit) in enumerate(units.items())
-            if moved[i] > most[i]
+            if way[i] > most[i]
         )

@@ -43,10 +43,11 @@ setup(
         "numba",
         "numpy",
         "pydantic>=2",
+        "pysindy",
         "rich",
         "ruamel.yaml",
         "scipy",
     ],
-    extras_require={"cluster": ["distributed"], "regression": ["pysindy"]},
+    extras_require={"cluster": ["distributed"]},
     entry_points={"console_scripts": scripts},
 )

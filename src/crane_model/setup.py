@@ -32,6 +32,7 @@ setup(
         "pyyaml",
         "scipy",
         "tqdm",
+        "typing-extensions",
     ],
     entry_points={"console_scripts": [f"{NAME} = {TOOL}"]},
 )

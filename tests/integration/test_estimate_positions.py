@@ -1,4 +1,4 @@
-"""`estimate_positions` on a bag of the simulated crane."""
+"""`estimate_positions` on a bag of the stand-in machine."""
 
 import csv
 from pathlib import Path

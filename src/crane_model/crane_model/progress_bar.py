@@ -7,6 +7,8 @@ from typing import Any
 
 from tqdm import tqdm
 
+# How long computations tell their caller where they are, without printing.
+
 Progress = Callable[[str, float], None]
 """Called with the name of the phase and the share of it that is done, 0 to 1."""
 
@@ -15,8 +17,8 @@ def silent(phase: str, done: float) -> None:
     """Tell nobody."""
 
 
-BAR_AFTER_S = 2.0  # before a bar appears
-LINE_INTERVAL_S = 10.0
+PATIENCE = 2.0  # s before a bar appears
+BETWEEN_LINES = 10.0  # s
 BAR = " |{bar}|"
 FORM = "{desc}: {percentage:3.0f} %" + BAR + " {elapsed} < {remaining}"
 
@@ -26,7 +28,7 @@ def progress_bar(
     total: float | None = None,
     over: Iterable[Any] | None = None,
     form: str = FORM,
-    patience: float = BAR_AFTER_S,
+    patience: float = PATIENCE,
 ) -> "tqdm[Any]":
     """A bar that `update` moves on towards `total`, or that goes with the items of `over`.
 
@@ -43,7 +45,7 @@ class _Lines(tqdm):  # type: ignore[type-arg]  # it takes none when it runs
     told = time.monotonic()  # when the last line was written, of whatever bar
 
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
-        if self.n and time.monotonic() - _Lines.told >= LINE_INTERVAL_S:
+        if self.n and time.monotonic() - _Lines.told >= BETWEEN_LINES:
             _Lines.told = time.monotonic()
             self.fp.write(f"{self}\n")
             self.fp.flush()

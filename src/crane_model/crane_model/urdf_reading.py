@@ -13,9 +13,9 @@ import yaml
 
 from crane_model.array import Array
 from crane_model.chain import pseudo_inertia
-from crane_model.configuration import MAX_FILE_BYTES
+from crane_model.configuration import LARGEST_FILE
 from crane_model.errors import ConfigurationError
-from crane_model.joint import about, placement, roll_pitch_yaw
+from crane_model.frames import about, placement, roll_pitch_yaw
 
 MISSING = "MISSING"
 HEAD = """\
@@ -37,10 +37,10 @@ PRIOR_HEAD = """\
 # From {source}: the bodies of its links in the frames of the machine file made with it, for
 # identify --prior. Enter as relative_std_dev how well you know each; measure: log_det or gaussian.
 """
-PRIOR_STD_DEV = 0.3  # relative standard deviation of a body, until the user knows better
-UNLIMITED_POSITION = 1e3
+TRUSTED = 0.3  # relative standard deviation of a body, until the user knows better
+UNLIMITED = 1e3
 """Position [rad, m] from which on a limit is none: the URDF needed some number."""
-ROUNDING_SHARE = 1e-9
+ROUNDED = 1e-9
 """Share of the largest second moment by which rounding may make another negative; a body that has
 no more than this is flat."""
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
@@ -88,13 +88,13 @@ def machine_file_from_urdf(path: Path, tip: str | None = None) -> tuple[str, int
     it, and of those to the farthest. `ConfigurationError` if it is no URDF, or has no such arm.
     """
     robot = _read(path)
-    arm, tip = _arm(robot, tip, path)
-    root = _link(arm[0], "parent", path)
+    way, tip = _arm(robot, tip, path)
+    root = _link(way[0], "parent", path)
     name = robot.get("name") or path.stem
     every = {joint.get("name", ""): joint for joint in robot.findall("joint")}
-    led = {joint.get("name", ""): _led(joint, every, path) for joint in arm if _moves(joint)}
+    led = {one.get("name", ""): _led(one, every, path) for one in way if _moves(one)}
     lines, held = ["joints:\n"], np.eye(4)
-    for joint in arm:
+    for joint in way:
         held = held @ _placed(joint, path)
         if _moves(joint):
             lines.append(_entry(joint, held, led, path))
@@ -112,11 +112,11 @@ def bodies_from_urdf(path: Path, tip: str | None = None) -> tuple[LinkBody, ...]
     left out.
     """
     robot = _read(path)
-    arm, _ = _arm(robot, tip, path)
+    way, _ = _arm(robot, tip, path)
     links = {link.get("name", ""): link for link in robot.findall("link")}
     fixed = [joint for joint in robot.findall("joint") if not _moves(joint)]
     out = []
-    for joint in filter(_moves, arm):
+    for joint in filter(_moves, way):
         carried, ten, impossible = [(_link(joint, "child", path), np.eye(4))], np.zeros(10), []
         for link, place in carried:  # it grows on the way
             body = _inertial(links.get(link), place, path)
@@ -125,9 +125,9 @@ def bodies_from_urdf(path: Path, tip: str | None = None) -> tuple[LinkBody, ...]
             else:
                 ten = ten + body
             carried += [
-                (_link(following, "child", path), place @ _placed(following, path))
-                for following in fixed
-                if _link(following, "parent", path) == link
+                (_link(one, "child", path), place @ _placed(one, path))
+                for one in fixed
+                if _link(one, "parent", path) == link
             ]
         names = tuple(link for link, _ in carried)
         out.append(LinkBody(joint.get("name", ""), names, ten, tuple(impossible)))
@@ -147,11 +147,11 @@ def prior_file(bodies: Sequence[LinkBody], source: str) -> str:
         about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         inertia = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
         second = _second_moments(mass, inertia)
-        definite &= bool(second[0] > ROUNDING_SHARE * second[2])
+        definite &= bool(second[0] > ROUNDED * second[2])
         lines.append(
             f"  {body.joint}: {{mass: {mass:.6g}, centre_of_mass: {_list(centre)},\n"
             f"    inertia: {_list(np.diag(inertia))}, products: "
-            f"{_list(inertia[[0, 0, 1], [1, 2, 2]])},\n    relative_std_dev: {PRIOR_STD_DEV}}}\n"
+            f"{_list(inertia[[0, 0, 1], [1, 2, 2]])},\n    relative_std_dev: {TRUSTED}}}\n"
         )
     measure = "log_det" if definite else "gaussian"
     return PRIOR_HEAD.format(source=source) + f"measure: {measure}\nbodies:\n" + "".join(lines)
@@ -176,7 +176,7 @@ def _inertial(link: ET.Element | None, place: Array, path: Path) -> Array | Impo
     if kilograms == 0.0 and not tensor.any():
         return np.zeros(10)
     second = _second_moments(kilograms, tensor)
-    if not (kilograms > 0.0 and second[0] >= -ROUNDING_SHARE * second[2]):
+    if not (kilograms > 0.0 and second[0] >= -ROUNDED * second[2]):
         return ImpossibleBody(name, kilograms, np.linalg.eigvalsh(tensor))
     turn = placed[:3, :3]
     return _ten(kilograms, placed[:3, 3], turn @ tensor @ turn.T)
@@ -198,17 +198,15 @@ def _arm(robot: ET.Element, tip: str | None, path: Path) -> tuple[list[ET.Elemen
     """The joints from the root to the tip, and the tip."""
     joints = {_link(joint, "child", path): joint for joint in robot.findall("joint")}
     links = [link.get("name", "") for link in robot.findall("link")]
-    arms = {link: _way(joints, link, path) for link in links}
+    ways = {link: _way(joints, link, path) for link in links}
     if tip is None:
-        tip = max(
-            links, key=lambda link: (sum(map(_moves, arms[link])), len(arms[link])), default=""
-        )
-    if tip not in arms or not any(map(_moves, arms[tip])):
-        able = [link for link, arm in arms.items() if any(map(_moves, arm))]
+        tip = max(links, key=lambda one: (sum(map(_moves, ways[one])), len(ways[one])), default="")
+    if tip not in ways or not any(map(_moves, ways[tip])):
+        able = [link for link, way in ways.items() if any(map(_moves, way))]
         raise ConfigurationError(
             f"{path}: no joint moves link '{tip}'; name one of {', '.join(able) or 'none'} by --tip"
         )
-    return arms[tip], tip
+    return ways[tip], tip
 
 
 def _led(
@@ -268,9 +266,7 @@ def _limits(joint: ET.Element, marks: list[str], path: Path) -> str:
             f"range of positions, whose limits are swapped (lower {low:g}, upper {high:g})"
         )
         low, high = high, low
-    given = (
-        joint.get("type") != "continuous" and -UNLIMITED_POSITION < low < high < UNLIMITED_POSITION
-    )
+    given = joint.get("type") != "continuous" and -UNLIMITED < low < high < UNLIMITED
     if not given:
         low, high = (-np.pi, np.pi) if turns else (0.0, 1.0)
     if not given or (low, high) == (-np.pi, np.pi):
@@ -285,8 +281,8 @@ def _limits(joint: ET.Element, marks: list[str], path: Path) -> str:
 
 def _read(path: Path) -> ET.Element:
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise ConfigurationError(f"{path}: must have at most {MAX_FILE_BYTES} bytes")
+        if path.stat().st_size > LARGEST_FILE:
+            raise ConfigurationError(f"{path}: must have at most {LARGEST_FILE} bytes")
         text = path.read_text(encoding="utf-8")
         if "<!ENTITY" in text:
             raise ConfigurationError(f"{path}: entities are not read; write it out first")
@@ -298,17 +294,10 @@ def _read(path: Path) -> ET.Element:
             raise _not_expanded(path) from None
         raise ConfigurationError(f"{path}: not valid XML: {error}") from None
     read = [
-        inner
-        for kind in ("link", "joint")
-        for element in robot.findall(kind)
-        for inner in element.iter()
+        one for kind in ("link", "joint") for each in robot.findall(kind) for one in each.iter()
     ]
-    if any(
-        "xacro}" in element.tag for element in robot.iter() if isinstance(element.tag, str)
-    ) or any(
-        "${" in value or "$(" in value
-        for element in (robot, *read)
-        for value in element.attrib.values()
+    if any("xacro}" in one.tag for one in robot.iter() if isinstance(one.tag, str)) or any(
+        "${" in value or "$(" in value for one in (robot, *read) for value in one.attrib.values()
     ):
         raise _not_expanded(path)
     if robot.tag != "robot":
@@ -329,13 +318,13 @@ def _not_expanded(path: Path) -> ConfigurationError:
 
 def _way(joints: dict[str, ET.Element], link: str, path: Path) -> list[ET.Element]:
     """The joints from the root to a link."""
-    arm: list[ET.Element] = []
+    way: list[ET.Element] = []
     while link in joints:
-        arm.insert(0, joints[link])
+        way.insert(0, joints[link])
         link = _link(joints[link], "parent", path)
-        if len(arm) > len(joints):
+        if len(way) > len(joints):
             raise ConfigurationError(f"{path}: the joints at link '{link}' go round in a circle")
-    return arm
+    return way
 
 
 def _link(joint: ET.Element, which: str, path: Path) -> str:

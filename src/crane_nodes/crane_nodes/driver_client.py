@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from crane_interfaces.msg import DriverState
 from crane_model.errors import CraneError
-from crane_nodes.this_computer import PATIENCE_S
+from crane_nodes.scheduling import PATIENCE_S
 
 STATE_TOPIC = "driver/state"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -85,21 +85,10 @@ class DriverWatch:
 
 
 class DriverClient(DriverWatch):
-    """The state of the driver of a node's namespace, and its services.
+    """The driver's services as well.
 
-    `enable`, `disable` and `reset_fault` return a future with the Trigger.Response.
-
-    Parameters
-    ----------
-    node
-        Node in whose namespace and thread it listens.
-    told
-        Called with every state that the driver tells.
-
-    Raises
-    ------
-    NoDriverError
-        By each request, if there is not exactly one driver to ask.
+    Requests give the Trigger.Response to come, and raise `NoDriverError` where there is not one
+    driver to be asked.
     """
 
     def __init__(self, node: Node, told: Callable[[DriverState], None] = lambda state: None):
@@ -108,25 +97,28 @@ class DriverClient(DriverWatch):
 
     @property
     def ready(self) -> bool:
-        """Return whether there is one driver and its services are there."""
+        """Whether there is one driver and its services are there."""
         services = self._services.get(self.state.node, {})
-        return bool(services) and all(client.service_is_ready() for client in services.values())
+        return bool(services) and all(one.service_is_ready() for one in services.values())
 
     def enable(self) -> Future:
+        """Let commands through."""
         return self._ask("enable")
 
     def disable(self) -> Future:
+        """Ramp to neutral."""
         return self._ask("disable")
 
     def reset_fault(self) -> Future:
+        """Forget the faults that are latched."""
         return self._ask("reset_fault")
 
     def stop(self) -> list[Future]:
         """Emergency stop: neutral at once, latched; of every driver that was ever heard."""
         if not self._services:
             raise NoDriverError(self.problem)
-        stops = [clients["emergency_stop"] for clients in self._services.values()]
-        return [client.call_async(Trigger.Request()) for client in stops]
+        stops = [one["emergency_stop"] for one in self._services.values()]
+        return [one.call_async(Trigger.Request()) for one in stops]
 
     def _ask(self, service: str) -> Future:
         if not self._services or len(self._heard()) > 1:
@@ -140,7 +132,6 @@ class DriverClient(DriverWatch):
         driver = message.node
         if driver not in self._services:
             self._services[driver] = {
-                service: self._node.create_client(Trigger, f"{driver}/{service}")
-                for service in SERVICES
+                one: self._node.create_client(Trigger, f"{driver}/{one}") for one in SERVICES
             }
         super()._receive(message)

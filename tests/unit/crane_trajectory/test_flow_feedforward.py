@@ -16,15 +16,14 @@ from unit.crane_trajectory.one_joint import (
     swing,
 )
 
-from crane_trajectory.control.controller import (
-    STOP_RATE,
+from crane_trajectory.control.flow_feedforward import STOP_RATE, FlowFeedforward, feedback_gains
+from crane_trajectory.control.interface import (
     ControlCondition,
     Point,
     SensorReading,
     Wanted,
-    gravest,
+    in_words,
 )
-from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
 from crane_trajectory.control.valves_and_oil import USED_AGAIN, ValvesAndOil
 
 GOOD = 2e-4  # rad, an error of a swing of 0.3 rad
@@ -189,9 +188,8 @@ def test_learns_dead_zones_and_gains() -> None:
     fixed, made = Boom(controller(wrong)).run(4 * PERIOD), controller(wrong, adaptive=True)
     course = Boom(made).run(4 * PERIOD)
     assert course.rms(2 * PERIOD) < 0.3 * fixed.rms(2 * PERIOD)
-    learnt = made.memory.learnt[0, 0]
-    c_a, c_b = learnt["gain"]
-    assert learnt["dead_zone"] == pytest.approx(0.06, abs=0.003)
+    d, c_a, c_b = made.memory.learnt[0, 0, 0]
+    assert d == pytest.approx(0.06, abs=0.003)
     assert 1.2e-7 / c_a == pytest.approx(1e-7 / 0.94, rel=0.04)
     assert 1e-7 / c_b == pytest.approx(1e-7 / 0.94, rel=0.04)
 
@@ -236,9 +234,9 @@ def test_commands_are_finite_and_bounded_whatever_is_read(
 
 
 def test_conditions_are_said_by_joint() -> None:
-    said = gravest((ControlCondition.FOLLOWING, ControlCondition.PRESSURES_LOST), ("slew", JOINT))
+    said = in_words((ControlCondition.FOLLOWING, ControlCondition.PRESSURES_LOST), ("slew", JOINT))
     assert said == f"{JOINT}: pressures lost: using the load of the model"
     assert (
-        gravest((ControlCondition.AT_REST, ControlCondition.FOLLOWING), ("slew", JOINT))
+        in_words((ControlCondition.AT_REST, ControlCondition.FOLLOWING), ("slew", JOINT))
         == "following"
     )

@@ -15,7 +15,9 @@ from rosbags.interfaces import (
 
 from crane_bags.clocks import NANOSECONDS
 
-WAITING_MESSAGES = 1000  # messages that may wait: 5 s at 200 Hz
+# Quality of service: what to ask of publishers, and what to offer in their place.
+
+DEPTH = 1000  # messages that may wait: 5 s at 200 Hz
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Service:
         return ", ".join(words)
 
     def hears(self, offered: Qos) -> bool:
-        """Return whether a subscription that asks for this receives from such a publisher."""
+        """Whether a subscription that asks for this receives from such a publisher."""
         reliable = offered.reliability != QosReliability.BEST_EFFORT
         return (reliable or not self.reliable) and (_latched(offered) or not self.latched)
 
@@ -39,9 +41,9 @@ class Service:
 def request(offered: Sequence[Qos]) -> Service:
     """The most that every one of the publishers fulfils, as `ros2 bag record` asks for it."""
     return Service(
-        reliable=all(profile.reliability != QosReliability.BEST_EFFORT for profile in offered),
-        latched=all(_latched(profile) for profile in offered),
-        depth=WAITING_MESSAGES,
+        reliable=all(one.reliability != QosReliability.BEST_EFFORT for one in offered),
+        latched=all(_latched(one) for one in offered),
+        depth=DEPTH,
     )
 
 
@@ -51,12 +53,15 @@ def offer(recorded: Sequence[Qos]) -> Service:
     A latched topic keeps as many messages as its publishers kept together; discovery does not
     tell the depth of a history (it is 0 in recordings), then one each.
     """
-    latched = [max(profile.depth, 1) for profile in recorded if _latched(profile)]
-    return Service(reliable=True, latched=bool(latched), depth=sum(latched) or WAITING_MESSAGES)
+    latched = [max(one.depth, 1) for one in recorded if _latched(one)]
+    return Service(reliable=True, latched=bool(latched), depth=sum(latched) or DEPTH)
 
 
 def _latched(offered: Qos) -> bool:
     return offered.durability == QosDurability.TRANSIENT_LOCAL
+
+
+# Between rclpy and the parts of the recorder and the player that know nothing of it.
 
 
 def profile(service: Service) -> QoSProfile:

@@ -1,9 +1,8 @@
-"""`view`: a window that shows the simulated crane in one pose or replays a trajectory."""
+"""`view`: a window that shows the stand-in crane in one pose or replays a trajectory."""
 
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -11,12 +10,13 @@ import numpy as np
 
 from crane_model import cli
 from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine, parse_pose
+from crane_model.machine import Machine
 from crane_sim.drawing.scene import Scene
-from crane_sim.options import add_plant, load_both
+from crane_sim.make_bag import add_plant, load_both
+from crane_sim.parts.pose import parse_pose
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 
-FRAME_S = 1 / 60
+FRAME = 1 / 60  # s
 
 Motion = Callable[[float], np.ndarray]
 
@@ -60,21 +60,11 @@ def show(scene: Scene, motion: Motion) -> None:
             with window.lock():
                 scene.set_pose(motion(time.monotonic() - start))
             window.sync()
-            time.sleep(FRAME_S)
-
-
-@dataclass(frozen=True)
-class _Request:
-    """The command line."""
-
-    pose: Sequence[str]
-    trajectory: Path | None
-    plant: Path | None
-    machine: str | None
+            time.sleep(FRAME)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Show the simulated crane in a window; it follows a trajectory where one is given."""
+    """Show the stand-in crane in a window; it follows a trajectory where one is given."""
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument(
         "--pose",
@@ -86,15 +76,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--trajectory", type=Path, help="coefficients of (32), YAML, to replay")
     add_plant(parser)
     cli.add_machine(parser)
-    request = _Request(**vars(parser.parse_args(argv)))
+    arguments = parser.parse_args(argv)
 
     def body() -> None:
-        machine, parameters = load_both(request.machine, request.plant)
-        pose = parse_pose(request.pose, machine, parameters.start)
+        machine, parameters = load_both(arguments.machine, arguments.plant)
+        pose = parse_pose(arguments.pose, machine, parameters.start)
         scene = Scene(parameters, machine)
         scene.set_pose(pose)
-        if request.trajectory:
-            motion = replayed(load_trajectory(request.trajectory), machine, pose)
+        if arguments.trajectory:
+            motion = replayed(load_trajectory(arguments.trajectory), machine, pose)
         else:
             motion = partial(_held, pose)
         require_display()

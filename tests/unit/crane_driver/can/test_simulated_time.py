@@ -4,11 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.can.bus import BusSettings, check_private
-from crane_driver.can.frame import (
+from crane_driver.can.bus import BusSettings
+from crane_driver.can.frame import Frame
+from crane_driver.can.simulated_time import (
     STEP,
     TIME,
-    Frame,
+    check_private,
     step_frame,
     time_frame,
     told_time,

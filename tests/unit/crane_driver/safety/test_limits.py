@@ -8,11 +8,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from crane_driver.safety.commands import JointLimiter, load_safety
+from crane_driver.safety.limits import JointLimiter, load_safety
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.parts.parameters import load_simulated_crane
+from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
 
 JOINTS = load_machine().joint_names
@@ -105,15 +105,15 @@ def driven(
     """From a `way` before its limit, with a share of the speed of Table 2; the limiter knows the
     motion `late` cycles later than the encoders.
     """
-    simulated, i = load_simulated_crane(), JOINTS.index(joint)
+    stand_in, i = load_stand_in(), JOINTS.index(joint)
     limits = MACHINE.limits[joint]
     end = limits.position_max if direction > 0 else limits.position_min
-    pose = simulated.start
+    pose = stand_in.start
     pose[i] = end - direction * way
-    plant = Plant(simulated, MACHINE, pose)
-    chain = simulated.sensors
+    plant = Plant(stand_in, MACHINE, pose)
+    chain = stand_in.sensors
     velocity_filter = VelocityFilter(
-        [simulated.jerk_density[one] for one in JOINTS],
+        [stand_in.jerk_density[one] for one in JOINTS],
         [chain.encoder_resolution[one] for one in JOINTS],
     )
     one, u, told, rows = limiter(joint), np.zeros(4), [(pose[i], math.nan)] * late, []

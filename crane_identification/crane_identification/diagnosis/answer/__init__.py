@@ -1,0 +1,1 @@
+"""What all of it comes to: a verdict and its reason."""

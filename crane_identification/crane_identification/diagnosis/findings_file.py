@@ -1,0 +1,476 @@
+"""What findings.json holds. Shares are of one; a number that is not known is null."""
+
+from crane_identification.data.column_map import COUNTS
+from crane_identification.diagnosis.answer.differences import Difference
+from crane_identification.diagnosis.answer.unknown import Drawing, NearSignature
+from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.variables import unit_of
+from crane_model.open_question import OpenQuestions
+from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
+
+# What findings.json says of one effect that was found, or came near.
+
+
+class FoundEffect(ResultPart):
+    """An effect and its place."""
+
+    effect: str
+    """Its type, as in the catalogue and in model files."""
+    name: str
+    """What people call it."""
+    joint: str
+    """The joint, or `all` where it is of the whole crane."""
+
+
+class NearEffect(FoundEffect):
+    """An effect that comes near."""
+
+    score: Number
+    """2 Δ log L of the training recordings [-]."""
+    threshold: Number
+    """What a finding has to score [-]."""
+
+
+class FoundParameter(ResultPart):
+    """A parameter of a finding, or a value of the hydraulics."""
+
+    name: str
+    """As in model files."""
+    value: Number
+    """Estimate [unit]."""
+    std_dev: Number
+    """Its standard deviation [unit]."""
+    unit: str
+    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    minimum: Number
+    """What physics keeps it above [unit]."""
+    determined: bool
+    """Whether the recordings determine it."""
+
+
+class ChangedParameter(FoundParameter):
+    """A parameter that the model had with another value."""
+
+    before: Number
+    """What it has changed from [unit]."""
+    before_std_dev: Number
+    """Standard deviation of that [unit]."""
+    change: Number
+    """By how much it has changed [unit]."""
+    change_std_dev: Number
+    """Standard deviation of that [unit]."""
+
+
+class DrawnShape(ResultPart):
+    """A dependence as it was drawn: values at knots, straight lines between them."""
+
+    variable: str
+    """What it depends on; of a velocity and of a force, their size."""
+    variable_unit: str
+    """Of the knots."""
+    knots: list[Number]
+    """Where the values are [variable_unit]."""
+    values: list[Number]
+    """Force over what it is multiplied by [unit]."""
+    std_devs: list[Number]
+    """Their standard deviations; 0 where the shape is held at 0 [unit]."""
+    unit: str
+    """Of the values."""
+    times: str
+    """What it is multiplied by: the direction sgn(q'), the velocity q', or 1."""
+
+
+class FindingEntry(FoundEffect):
+    """An effect that the model lacks, or of flows and loads that is found beside those."""
+
+    changed: bool = False
+    """Whether a value of the model has changed, rather than that a term is missing."""
+    class_members: list[FoundEffect]
+    """Effects that these recordings cannot tell from this one."""
+    parameters: list[ChangedParameter | FoundParameter]
+    """Of this effect, in the model with all findings."""
+    shapes: list[DrawnShape] = []
+    """Its law, where none of the catalogue fits; empty where one does."""
+    carried_in: dict[str, list[str]]
+    """Recordings that carry a load, by the parameter of the load, and by `none` those without."""
+    score: Number
+    """2 Δ log L of the training recordings [-]."""
+    threshold: Number
+    """What a finding has to score [-]."""
+    false_alarm_rate: Number
+    """Promised of the threshold [-]."""
+    runner_up: FoundEffect | None
+    """The effect that explains most in its place."""
+    margin: Number
+    """Score beyond the runner-up's [-]."""
+    margin_needed: Number
+    """Margin with which the runner-up is ruled out [-]."""
+    visibility: Number
+    """Share of its energy that the other parameters do not take up [-]."""
+    strength: Number
+    """Rms of its force over that of the drive force; null for flows and loads [-]."""
+    visible_strength: Number
+    """The same of the part that other parameters do not take up; for a flow, over the flow [-]."""
+    held_out_gains: NumberByJoint
+    """What it gains on each recording in which it acts when fitted to the others, by their names;
+    where these are few, on blocks of time [-]."""
+    settled_by: str
+    """The experiment that tells it from what looks alike."""
+
+
+class FoundRegion(ResultPart):
+    """Where most of a residual sits."""
+
+    variable: str
+    """The quantity that the residual follows most."""
+    range: tuple[Number, Number]
+    """Lowest and highest value of it [unit]."""
+    unit: str
+    """Of the quantity."""
+    share: Number
+    """Of the energy of the residual that sits there [-]."""
+
+
+class FoundPlace(ResultPart):
+    """What the model leaves of a joint before anything is added."""
+
+    energy_share: Number
+    """Of all that the model leaves, in units of the noise [-]."""
+    motion_error: Number
+    """Rms error of the simulated motion of the held-out recordings [rad, m]."""
+    region: FoundRegion | None
+    """Where the residual sits."""
+
+
+class NearestGap(ResultPart):
+    """Held-out error of the force of a joint."""
+
+    before: Number
+    """Without the effects, over the rms of the force [-]."""
+    after: Number
+    """With them [-]."""
+
+
+class NearestEffects(ResultPart):
+    """What comes closest where nothing is named."""
+
+    effects: list[NearEffect]
+    """Strongest first."""
+    explained_share: Number
+    """Of what the training recordings leave where they act [-]."""
+    gap: dict[str, NearestGap]
+    """By joint."""
+    objection: str
+    """Why they are no answer."""
+
+
+class OwnTermEntry(FoundEffect):
+    """A term of `--terms` that is not named."""
+
+    objection: str
+    """Why not."""
+    tried: NearestEffects | None
+    """What it does by itself; none where these recordings cannot show it."""
+
+
+class NearbySignature(ResultPart):
+    """What an unknown force may depend on."""
+
+    signature: str
+    """In words: the variable, and with which symmetry."""
+    effects: list[str]
+    """Types of the effects that have it; none where the catalogue knows no such effect."""
+    explained_share: Number
+    """Of the energy beyond noise, by the best shape of it [-]."""
+    better: int
+    """Recordings that it helps to predict when it is fitted to the others [-]."""
+    asked: int
+    """Recordings that this was asked of [-]."""
+    shapes: list[DrawnShape]
+    """The best shape as it was drawn, for each factor; empty where it is no curve."""
+
+
+class FoundDifference(ResultPart):
+    """A parameter of the model that is not alike in all recordings."""
+
+    parameter: str
+    """Its name."""
+    unit: str
+    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    explained_share: Number
+    """Of the energy beyond noise, where each recording has its own value [-]."""
+    changes: NumberByJoint
+    """By recording: what it differs by from the value of all [unit]."""
+    std_devs: NumberByJoint
+    """Standard deviations of these [unit]."""
+
+
+class UnknownPlace(ResultPart):
+    """What is known of a force that is unknown."""
+
+    joint: str
+    """That most of it is on."""
+    strength: Number
+    """Rms of what is beyond noise there, over that of the drive force [-]."""
+    signatures: list[NearbySignature]
+    """The nearest ones, best first."""
+    recordings: NumberByJoint
+    """By the recordings in which there is far more of it: rms over the median of all [-]."""
+    difference: FoundDifference | None
+    """Where most of it is that recordings differ from each other."""
+
+
+class GapSide(ResultPart):
+    """Errors of a joint on the held-out recordings."""
+
+    force_relative_error: Number
+    """Rms error of the force over that of the force [-]."""
+    noise_floor: Number
+    """Scatter between periods over the same; null where none was repeated [-]."""
+    sample_noise: Number = None
+    """What scatters from sample to sample, as far as rows hold it, over the same [-]."""
+    best_achievable: Number
+    """Error that a flexible learner reaches over the same [-]."""
+    motion_error: Number
+    """Rms error of the simulated motion [rad, m]."""
+    motion_displacement: Number
+    """How far the joint itself moved in that time [rad, m]."""
+    motion_reason: str
+    """Why no motion was simulated; empty if it was."""
+
+
+class CarriedLoad(ResultPart):
+    """A load estimated from a held-out recording."""
+
+    recording: str
+    """Its name."""
+    value: Number
+    """Mass beyond that of the lightest recording [kg]."""
+    std_dev: Number
+    """Its standard deviation [kg]."""
+
+
+class CommandedGap(ResultPart):
+    """Errors of the motion from valve commands alone, simulated from measured states."""
+
+    horizon: Number
+    """How long each simulation lasts [s]."""
+    windows: int
+    """Simulations, one behind the other [-]."""
+    way: NumberByJoint
+    """How far the joint itself went in that time, on average [rad, m]."""
+    before: NumberByJoint
+    """Rms error at the end with the model as it came [rad, m]."""
+    after: NumberByJoint
+    """The same with the findings [rad, m]."""
+
+
+class GapOfModels(ResultPart):
+    """The proof: errors on recordings that took no part."""
+
+    before: dict[str, GapSide]
+    """Of the model as it came, by joint."""
+    after: dict[str, GapSide]
+    """Of the model with the findings, by joint."""
+    closed: NumberByJoint
+    """Share of the explainable energy that the findings explain, where training went; null where
+    there is none [-]."""
+    loads: list[CarriedLoad]
+    """What single held-out recordings carry."""
+    from_commands: list[CommandedGap] = []
+    """By how far ahead; empty where that cannot be simulated."""
+    from_commands_reason: str = ""
+    """Why no motion was simulated from commands; empty if it was."""
+
+
+class LeftResidual(ResultPart):
+    """What is left of a joint after the findings."""
+
+    white: bool
+    """Whether neighbouring rows of it hardly correlate."""
+    correlation: Number
+    """Of neighbouring rows [-]."""
+    learnable_share: Number
+    """Of its energy that a flexible learner predicts [-]."""
+    law: bool
+    """Whether that is more than chance gives."""
+    beyond_noise: bool
+    """Whether the error is clearly larger than the noise floor."""
+    region: FoundRegion | None
+    """Where it sits."""
+
+
+class SessionClock(ResultPart):
+    """Whether the recordings have a time in common."""
+
+    through_session: bool
+    """Whether time runs through all recordings, as warming up does."""
+    reason: str | None
+    """Why not."""
+
+
+class Untried(ResultPart):
+    """An effect that was not tried."""
+
+    effect: str
+    """Its type."""
+    joint: str
+    """The joint, or `all`."""
+    reason: str
+    """Why not."""
+
+
+class FoundPulsation(ResultPart):
+    """A line in the spectrum of what the model leaves."""
+
+    joint: str
+    """On which."""
+    frequency: Number
+    """Of the line [Hz]."""
+    strength: Number
+    """Its rms over that of the force [-]."""
+
+
+class EdgeGain(ResultPart):
+    """The gain of a metering edge of a valve."""
+
+    value: Number
+    """Estimate [m3/(s Pa^0.5)]."""
+    std_dev: Number
+    """Its standard deviation [m3/(s Pa^0.5)]."""
+    determined: bool
+    """Whether the recordings tell."""
+
+
+class HydraulicQuantity(FoundParameter):
+    """A value of the hydraulics, beside what is usual."""
+
+    usual_limit: Number
+    """Limit of what is usual [unit]."""
+    own: bool = False
+    """Whether that is of the machine's own identified value, not of the data sheet."""
+    share_beyond_usual: Number
+    """Rms of the flow that is beyond usual over that of the piston's flow [-]."""
+
+
+class FlowBalance(ResultPart):
+    """The balance of the oil of a cylinder."""
+
+    unexplained_share: Number
+    """Rms of what is unexplained over that of the piston's flow [-]."""
+    correlation_left: Number
+    """Of neighbouring rows of what is unexplained [-]."""
+    worn: bool
+    """Whether the leakage changes along the stroke: its value is the mean."""
+    known_time: Number
+    """For which everything is known that the balance needs [s]."""
+    recorded_time: Number
+    """Of the recordings [s]."""
+    edge_gains: dict[str, EdgeGain]
+    """By metering edge."""
+    quantities: dict[str, HydraulicQuantity]
+    """By name in the catalogue; empty where too much is left for any to be good."""
+
+
+class Findings(ResultFile):
+    """The answer of `diagnose`, and all that it rests on."""
+
+    verdict: Verdict
+    """The answer."""
+    reason: str
+    """Why, in a sentence."""
+    values_kept: bool
+    """Whether the values of the model were kept (`--fixed`)."""
+    where: dict[str, FoundPlace]
+    """By joint: where the model as it came disagrees."""
+    findings: list[FindingEntry]
+    """Effects of the force, strongest first; then of the flow; then loads."""
+    nearest: NearestEffects | None
+    """Where nothing is named."""
+    own_terms: list[OwnTermEntry] = []
+    """Terms of `--terms` that are not named."""
+    unknown: UnknownPlace | None = None
+    """Where something is unknown; beside names, on the joint without one that most is left on."""
+    gap: GapOfModels
+    """Errors before and after."""
+    left: dict[str, LeftResidual]
+    """By joint."""
+    undetermined: list[str]
+    """Parameters of the model that the recordings do not determine: terms of theirs alone were left
+    out, of combinations with others counts what is determined."""
+    clock: SessionClock
+    """Of the session."""
+    needs_units: list[str]
+    """Quantities that came in counts, and without whose unit no value has one."""
+    warnings: list[str]
+    """About the recordings, and about results that do not carry over."""
+    without: list[str]
+    """Effects that were not asked for (`--without`)."""
+    not_testable: list[Untried]
+    """Effects that hide behind the parameters of the model."""
+    not_observable: list[Untried]
+    """Effects of which these recordings show nothing."""
+    pulsations: list[FoundPulsation]
+    """Lines that are the same in all recordings."""
+    flow: dict[str, FlowBalance]
+    """By joint whose flow was recorded."""
+    open: OpenQuestions
+    """What another experiment could settle: `design --settle` finds its motion."""
+    named_from: NumberByJoint
+    """By joint: strength from which nine in ten effects are named, before any filter [-]."""
+    suspicions: list[str] = []
+    """What is suspicious of the recordings themselves."""
+
+
+# What findings.json says of an unknown force, and of a dependence as it was drawn.
+
+
+def unknown_place(diagnosis: Diagnosis) -> UnknownPlace | None:
+    """What is known of an unknown force; None where nothing is unknown."""
+    found = diagnosis.answer.unknown
+    if found is None:
+        return None
+    return UnknownPlace(
+        joint=found.joint,
+        strength=found.strength,
+        signatures=[_signature(diagnosis, found.joint, one) for one in found.signatures],
+        recordings=found.recordings,
+        difference=None if found.difference is None else _difference(diagnosis, found.difference),
+    )
+
+
+def drawn_shape(diagnosis: Diagnosis, joint: str, one: Drawing) -> DrawnShape:
+    """A dependence on a joint as it was drawn."""
+    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
+    return DrawnShape(
+        variable=one.curve.variable,
+        variable_unit=unit_of(one.curve.variable, joint, setting, counts),
+        knots=list(one.curve.knots),
+        values=one.curve.values.tolist(),
+        std_devs=one.std_devs.values.tolist(),
+        unit=COUNTS if counts and one.unit != "1" else one.unit,
+        times=one.curve.times,
+    )
+
+
+def _signature(diagnosis: Diagnosis, joint: str, one: NearSignature) -> NearbySignature:
+    return NearbySignature(
+        signature=one.said,
+        effects=list(one.types),
+        explained_share=one.share,
+        better=one.better,
+        asked=one.asked,
+        shapes=[drawn_shape(diagnosis, joint, drawing) for drawing in one.drawn],
+    )
+
+
+def _difference(diagnosis: Diagnosis, one: Difference) -> FoundDifference:
+    counts = bool(diagnosis.fit.uncalibrated)
+    return FoundDifference(
+        parameter=one.parameter,
+        unit=COUNTS if counts and one.unit != "1" else one.unit,
+        explained_share=one.share,
+        changes={name: value for name, (value, _) in one.changes.items()},
+        std_devs={name: std_dev for name, (_, std_dev) in one.changes.items()},
+    )

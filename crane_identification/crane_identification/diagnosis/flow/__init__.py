@@ -1,0 +1,1 @@
+"""The balance of the flow of oil, beside that of forces."""

@@ -1,0 +1,187 @@
+"""The rigid bodies of any serial machine."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from typing_extensions import override
+
+from crane_model.array import Array
+from crane_model.base_parameters import (
+    ALONG,
+    BaseSet,
+    base_set,
+    lagrangian_from_standard,
+    standard_from_chain,
+)
+from crane_model.chain import PER_BODY, fill_regressor, pull_back
+from crane_model.chain.serial_chain import SerialChain
+from crane_model.dynamics import Geometry
+from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine
+from crane_model.machine.joint import MachineJoint
+from crane_model.record import Record
+from crane_model.terms.rigid_body import LAGRANGIAN
+from crane_model.terms.term import Family, Parameter, Setting, Term
+
+_UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}  # else kg m2
+_SAME = 1e-6  # of the norm of a combination, that two sets span the same
+
+
+class SerialRigidBody(Term):
+    """M(q) q'' + C(q, q') q' + G(q) (6) of a serial chain in space, linear in its base parameters.
+
+    Each is a combination of the ten parameters of the bodies (`crane_model.chain`), named after the
+    one that its joint shows, for example the inertia about its axis: Izz.boom, or Izz_r.boom where
+    others are regrouped with it, which its meaning lists.
+    Bodies that are symmetric may have parameters that are `zero`, as mx.telescope. Joints of the
+    machine that the model lacks stand still. A crane as of the report has its parameters (8) under
+    their names, and S_TL_normal unless that is excluded by mx of its telescope being zero.
+    """
+
+    type: Literal["serial_rigid_body"] = "serial_rigid_body"
+    family: ClassVar[Family] = "rigid body"
+    of_one_instant: ClassVar[bool] = True
+
+    zero: tuple[str, ...] = ()
+
+    @property
+    @override
+    def zero_moments(self) -> tuple[str, ...]:
+        return self.zero
+
+    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """One a combination."""
+        return self._bodies(setting).parameters
+
+    def of_bodies(self, setting: Setting) -> Array | None:
+        """The base set, or its other names, from the bodies of the chain."""
+        bodies = self._bodies(setting)
+        if bodies.turned is None:
+            return bodies.base.combination
+        turned: Array = np.asarray(np.linalg.solve(bodies.turned, bodies.base.combination), float)
+        return turned
+
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
+        """On the rows of all joints that the machine and the model have."""
+        bodies = self._bodies(setting)
+        motion = self._motion(record, setting)
+        if bodies.turned is None:
+            fill_regressor(*motion.chain, bodies.base.leading, *motion.samples, columns)
+            return
+        own = np.zeros(columns.shape)
+        fill_regressor(*motion.chain, bodies.base.leading, *motion.samples, own)
+        columns[:] = own @ bodies.turned
+
+    def pull_back(self, record: Record, setting: Setting, weight: Array) -> Array:
+        """In closed form, recursively."""
+        bodies = self._bodies(setting)
+        motion = self._motion(record, setting)
+        if bodies.turned is not None:
+            weight = weight @ bodies.turned.T
+        slopes: Array = pull_back(*motion.chain, bodies.base.leading, *motion.samples, weight)
+        return slopes[:, :, : record.position.shape[1]]
+
+    def _motion(self, record: Record, setting: Setting) -> "_Motion":
+        machine = setting.machine
+        assert machine is not None  # _bodies() refuses such a model
+        names = [joint for joint in machine.joint_names if joint in setting.units]
+        places = {joint: record.column(joint) for joint in names}
+        still = record.position.shape[1]  # a column of zeros beside those of the record
+        samples = [record.position, record.velocity, record.acceleration]
+        if len(names) < len(machine.joint_names):
+            samples = [np.pad(each, ((0, 0), (0, 1))) for each in samples]
+        at = np.array([places.get(joint, still) for joint in machine.joint_names])
+        leader = at[machine.chain.leader]
+        rows = np.where(leader == still, -1, leader)
+        return _Motion((machine.chain._replace(leader=leader), rows), samples)
+
+    def _bodies(self, setting: Setting) -> "_Bodies":
+        machine = setting.machine
+        if machine is None:
+            raise ConfigurationError(f"term '{self.type}': needs a machine; the model has none")
+        joints = tuple(joint for joint in machine.joint_names if joint in setting.units)
+        try:
+            return _bodies(machine, joints, self.zero)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"term '{self.type}': {error}") from None
+
+
+class _Motion(NamedTuple):
+    """A record as the chain takes it."""
+
+    chain: tuple[SerialChain, NDArray[np.int64]]  # its joints lead from the record's columns, rows
+    samples: Sequence[Array]  # q, q', q''
+
+
+class _Bodies(NamedTuple):
+    """What a term knows of the bodies of its model."""
+
+    base: BaseSet
+    parameters: tuple[Parameter, ...]
+    turned: Array | None  # (r, r): columns of other combinations from those of the base set
+
+
+@lru_cache(maxsize=64)
+def _bodies(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...]) -> _Bodies:
+    if not joints:
+        raise ConfigurationError(
+            f"the model has no joint of {machine.name}, which has {', '.join(machine.joint_names)}"
+        )
+    base = base_set(machine, joints, zero)
+    if unknown := set(zero) - set(base.names):
+        raise ConfigurationError(
+            f"zero: no parameter '{min(unknown)}'; there are {', '.join(PER_BODY)} of each of "
+            f"{', '.join(joint.name for joint in machine.joints)}"
+        )
+    if (turned := _in_the_plane(machine, joints, base)) is not None:
+        return _Bodies(base, LAGRANGIAN[: len(base.leading)], turned)
+    return _Bodies(
+        base, tuple(_parameter(machine, base, k) for k in range(len(base.leading))), None
+    )
+
+
+def _parameter(machine: Machine, base: BaseSet, k: int) -> Parameter:
+    kind, _, joint = base.names[base.leading[k]].partition(".")
+    parts = base.combination[k]
+    positive = (parts >= 0.0).all() and kind in ("m", "Ixx", "Iyy", "Izz")
+    positive = positive and all(
+        base.names[i].startswith(("m.", "Ixx", "Iyy", "Izz")) for i in np.flatnonzero(parts)
+    )
+    symbol = kind if np.count_nonzero(parts) == 1 else f"{kind}_r"
+    unit = _UNITS.get(kind, "kg m2")
+    moved = next(one for one in machine.joints if one.name == joint)
+    told = base.told(k)
+    meaning = f"{_meaning(moved, kind)}{'' if told == f'{kind}.{joint}' else f', {told}'}"
+    return Parameter(f"{symbol}.{joint}", unit, 0.0 if positive else None, meaning)
+
+
+def _meaning(joint: MachineJoint, kind: str) -> str:
+    """One of the ten parameters of a body in words."""
+    if kind == "m":
+        return f"mass that {joint.name} moves"
+    axes = kind.removeprefix("m").removeprefix("I")
+    if kind[0] == "m":
+        return f"mass moment along {axes} of {joint.name}"
+    if axes[0] != axes[1]:
+        return f"product of inertia {axes} of {joint.name}"
+    if abs(joint.direction["xyz".index(axes[0])]) > ALONG:
+        return f"inertia about the axis of {joint.name}"
+    return f"inertia about {axes[0]} of {joint.name}"
+
+
+def _in_the_plane(machine: Machine, joints: tuple[str, ...], base: BaseSet) -> Array | None:
+    """(r, r) from columns of the base set to those of (8), where they span the same; else None."""
+    crane = machine.planar
+    if crane is None or joints != crane.joints:
+        return None
+    known = lagrangian_from_standard(Geometry.of(machine)) @ standard_from_chain(machine)
+    kept = np.any(base.combination != 0.0, axis=0)
+    planar = (known * kept)[: len(base.leading)]
+    turned: Array = np.linalg.lstsq(planar.T, base.combination.T, rcond=None)[0].T
+    rest = base.combination - turned @ planar
+    if np.linalg.norm(rest) > _SAME * np.linalg.norm(base.combination):
+        return None
+    return turned
