@@ -94,8 +94,8 @@ def _repeats(value: np.ndarray) -> np.ndarray:
 def _sent_again(log: Log) -> np.ndarray:
     """(n,) rows in which no part of a state changed, although a joint went on by more than a step.
 
-    What has the stamps of the positions belongs to their state. None unless this is a habit of the
-    sender, and each time shorter than what may be bridged.
+    Forces and pressures with the time stamps of the positions are part of the state. No row is
+    marked unless the sender does this often, and each time for less than `LARGEST_GAP`.
     """
     time, value = log.position.time, log.position.value
     none = np.zeros(len(time), dtype=bool)

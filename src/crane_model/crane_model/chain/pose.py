@@ -94,7 +94,7 @@ def set_turn(fixed: Array, axis: Vector, angle: float, out: Array) -> None:
 
 @njit(cache=True)
 def set_frames(chain: SerialChain, q: Array, rotation: Array, origin: Array) -> None:
-    """Of each body in the frame of the body before, at q (j,): into (m, 3, 3) and (m, 3)."""
+    """Fill the pose of each body in the frame of its predecessor at q (j,): (m, 3, 3), (m, 3)."""
     for i in range(len(chain.ratio)):
         moved = chain.ratio[i] * q[chain.leader[i]]
         axis = row(chain.axis, i)

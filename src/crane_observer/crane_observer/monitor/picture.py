@@ -1,4 +1,4 @@
-"""What the monitor saw of a recording, as a picture."""
+"""A picture of the residuals that the sensor monitor computed from a recording."""
 
 from pathlib import Path
 
