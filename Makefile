@@ -9,7 +9,7 @@
 # make study   the report's experiment with 20 + 2 trajectories, results in runs/study
 # make bench   measurements of speed
 # make figures put what was measured (demo, study, discrepancy-benchmark, bench) into the manual
-# make lint    style and types
+# make lint    style and types of the code, prose, links and spelling of the manual
 # make docs    the manual as a site, runs/docs/html/index.html
 # make setup   only what every target above does first: environment, packages, build
 # make clean   remove what the set-up made (not runs/)
@@ -53,10 +53,11 @@ study: setup
 	@$(in_env) ros2 run crane_benchmark study
 
 discrepancy-benchmark: pictures
+	@scripts/setup.sh benchmark
 	@$(in_env) ros2 run crane_benchmark discrepancy
 
 test:
-	@scripts/setup.sh test tables pictures view
+	@scripts/setup.sh test tables pictures view benchmark
 	@$(in_env) scripts/test.sh $(TESTS)
 
 observer-benchmark: pictures
@@ -71,7 +72,7 @@ observer-benchmark: pictures
 	exit $$failed
 
 bench:
-	@scripts/setup.sh test tables pictures view
+	@scripts/setup.sh test tables pictures view benchmark
 	@$(in_env) python -m pytest -s $(BENCH)
 
 figures: setup
@@ -82,6 +83,8 @@ lint:
 	@scripts/setup.sh test tables pictures
 	@$(in_env) step style "1 s" "ruff check --fix ." ruff check . && \
 	step format "1 s" "ruff format ." ruff format --check . && \
+	step prose "1 s" "the sentence or link that it names" python scripts/check_prose.py && \
+	step spelling "5 s" "the word that it names, or the ignore list in pyproject.toml" codespell && \
 	step types "10 s to 2 min" "the line that it names" mypy; finish
 
 # A warning is an error.

@@ -13,9 +13,6 @@ NODES = {
     "driver": "crane_driver.driver_node:main",
     "jog": "crane_driver.operator.jog.jog_node:main",
     "panel": "crane_driver.operator.panel.panel_node:main",
-    "player": "crane_driver.moved:player",
-    "recorder": "crane_driver.moved:recorder",
-    "recover": "crane_driver.moved:recover",
 }
 
 if {"bdist_wheel", "editable_wheel"} & set(sys.argv):

@@ -27,7 +27,9 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "data/*", "report/page.*", "diagnosis/report/page.*"]},
+    package_data={
+        PACKAGE: ["py.typed", "data/*", "report/page.*", "diagnosis/page.*", "diagnosis/*.txt"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -10,6 +10,7 @@ TOOLS = {  # they run without ROS
     "tune": "crane_trajectory.tune:main",
 }
 NODES = {
+    "move": "crane_trajectory.move_node:main",
     "run_excitation": "crane_trajectory.run_excitation_node:main",
     "trajectory": "crane_trajectory.trajectory_node:main",
 }

@@ -2,15 +2,20 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+from docutils import nodes
+from latex2mathml.converter import convert
 from myst_nb.core import render
 from nbformat import NotebookNode
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
+from sphinx.writers.html5 import HTML5Translator
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
@@ -20,9 +25,11 @@ author = "Crane suite maintainers"
 project_copyright = "Crane suite maintainers, Apache-2.0"
 release = ElementTree.parse(ROOT / "src/crane_model/package.xml").findtext("version") or ""
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_copybutton"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
 
-myst_enable_extensions = ["attrs_block", "colon_fence", "deflist"]
+myst_enable_extensions = ["attrs_block", "colon_fence", "deflist", "dollarmath"]
+myst_dmath_allow_space = False  # $model in a sentence is no equation
+html_math_renderer = "mathml"
 myst_heading_anchors = 3
 # Notebooks run again only when they change.
 nb_execution_mode = "cache"
@@ -77,6 +84,29 @@ def joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
 
 
 render.coalesce_streams = joined
+REPORTS = {
+    "identification": ("tutorials/bag_to_parameters", "tutorial_identify/fit/report.html"),
+    "diagnosis": ("tutorials/missing_effect", "tutorial_effect/diagnosis/report.html"),
+}
+"""Reports of the gallery: the tutorial that makes each, and its place in runs."""
+TAG = re.compile(r"\\tag\{([^}]*)\}")
+
+
+def inline_equation(writer: HTML5Translator, node: nodes.math) -> None:
+    """Write an equation within a line as MathML, which needs neither script nor network."""
+    writer.body.append(convert(node.astext()))
+    raise nodes.SkipNode
+
+
+def displayed_equation(writer: HTML5Translator, node: nodes.math_block) -> None:
+    """Write an equation on a line of its own, with the number of its tag behind it."""
+    latex = node.astext()
+    number = "".join(f"<span>({tag})</span>" for tag in TAG.findall(latex))
+    equation = convert(TAG.sub("", latex), display="block")
+    writer.body.append(f'<div class="equation">{equation}{number}</div>\n')
+    raise nodes.SkipNode
+
+
 LOADED = re.compile(r"<(?:script|link|img|iframe)\b[^>]* (?:src|href)=\"(?:https?:)?//[^\"]*")
 
 
@@ -85,6 +115,31 @@ def make_pages(app: Sphinx) -> None:
     environment = os.environ | {"PYTHONPATH": f"{DOCS}:{os.environ.get('PYTHONPATH', '')}"}
     command = [sys.executable, "-m", "from_code", str(DOCS / "reference" / "generated")]
     subprocess.run(command, check=True, env=environment)
+
+
+def reports_missing(
+    app: Sphinx,
+    environment: BuildEnvironment,
+    added: set[str],
+    changed: set[str],
+    removed: set[str],
+) -> list[str]:
+    """Return the tutorials to run again, because their reports for the gallery are gone."""
+    missing = [page for page, report in REPORTS.values() if not (ROOT / "runs" / report).is_file()]
+    if missing:
+        shutil.rmtree(nb_execution_cache_path, ignore_errors=True)
+    return missing
+
+
+def copy_reports(app: Sphinx, error: Exception | None) -> None:
+    """Copy the reports of the gallery next to the pages; warn, and so fail, without them."""
+    folder = Path(app.outdir) / "reports"
+    folder.mkdir(exist_ok=True)
+    for name, (page, report) in REPORTS.items() if not error else ():
+        if (source := ROOT / "runs" / report).is_file():
+            shutil.copyfile(source, folder / f"{name}.html")
+        else:
+            logging.getLogger(__name__).warning("gallery: %s did not make runs/%s", page, report)
 
 
 def check_offline(app: Sphinx, error: Exception | None) -> None:
@@ -96,7 +151,10 @@ def check_offline(app: Sphinx, error: Exception | None) -> None:
 
 def setup(app: Sphinx) -> None:
     """What Sphinx calls first."""
+    app.add_html_math_renderer("mathml", (inline_equation, None), (displayed_equation, None))
     app.connect("builder-inited", make_pages)
     app.connect("autodoc-process-docstring", escape)
     app.connect("autodoc-skip-member", leave_out)
+    app.connect("env-get-outdated", reports_missing)
+    app.connect("build-finished", copy_reports)
     app.connect("build-finished", check_offline)

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Sets up everything the suite needs in this clone; does nothing when it is up to date.
-# Arguments name extras, large packages for few purposes: docs, pictures, tables, test, view.
+# Arguments name extras, large packages for few purposes: benchmark, docs, pictures,
+# tables, test, view.
 # PYTHON=... names the interpreter, else the first of Python 3.11 to 3.14 found is taken.
 root=$(cd "$(dirname "$0")/.." && pwd)
 

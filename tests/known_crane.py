@@ -1,11 +1,11 @@
-"""The model file that would be identified of a stand-in machine if nothing were uncertain."""
+"""The model file that would be identified of a simulated crane if nothing were uncertain."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from crane_model.hydraulics.values import (
+from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
     JointHydraulics,
@@ -16,20 +16,20 @@ from crane_model.hydraulics.values import (
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
-from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.planted import hydraulics_of, planted
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
+from crane_sim.true_values import hydraulics_of, true_parameters
 
 TOLD_LATE = 0.002  # s, from the stamp of a command until the spool is told
 
 
 def known_model(name: str = "laboratory_crane") -> Model:
-    """Mechanics and hydraulics, as the files of the stand-in machine say."""
+    """Mechanics and hydraulics, as the files of the simulated crane say."""
     machine = load_machine(name)
-    stand_in = load_stand_in(machine_file("stand_in.yaml", name), machine)
+    simulated = load_simulated_crane(machine_file("simulated_crane.yaml", name), machine)
     model = load_model(machine_file("model.yaml", name)).of_machine()
-    theta = np.array([one.value for one in planted(stand_in, machine)])
-    model = model.with_estimate(theta, np.zeros(len(theta)), "the file of the stand-in machine")
-    joints = {joint: _joint(machine, stand_in, joint) for joint in model.joints}
+    theta = np.array([one.value for one in true_parameters(simulated, machine)])
+    model = model.with_estimate(theta, np.zeros(len(theta)), "the file of the simulated crane")
+    joints = {joint: _joint(machine, simulated, joint) for joint in model.joints}
     pressure, droop = machine.hydraulics.supply_pressure, 0.0
     supply = SupplyValues(
         pressure=Measured(value=pressure, unit="Pa"), droop=Measured(value=droop, unit="Pa s/m3")
@@ -44,8 +44,8 @@ def write_known_model(path: Path, name: str = "laboratory_crane") -> Path:
     return path
 
 
-def _joint(machine: Machine, stand_in: StandIn, joint: str) -> JointHydraulics:
-    values = hydraulics_of(stand_in, machine, joint)
+def _joint(machine: Machine, simulated: SimulatedCrane, joint: str) -> JointHydraulics:
+    values = hydraulics_of(simulated, machine, joint)
     values["lag"] += TOLD_LATE
     sensed = machine.cylinders[joint].pressure_sensors
     return JointHydraulics(

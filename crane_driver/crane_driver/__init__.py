@@ -34,13 +34,10 @@ if TYPE_CHECKING:
     from crane_driver.can.codec import DriverCodec as DriverCodec
     from crane_driver.can.codec import MachineCodec as MachineCodec
     from crane_driver.can.link import Link as Link
-    from crane_driver.driver_loop import DriverLoop as DriverLoop
     from crane_driver.faults import Fault as Fault
     from crane_driver.faults import FaultKind as FaultKind
-    from crane_driver.safety.limits import SafetySettings as SafetySettings
-    from crane_driver.safety.limits import load_safety as load_safety
-    from crane_driver.safety.states import SafetyState as SafetyState
-    from crane_driver.safety.supervisor import Supervisor as Supervisor
+    from crane_driver.safety.commands import SafetySettings as SafetySettings
+    from crane_driver.safety.commands import load_safety as load_safety
     from crane_driver.velocity_filter import VelocityFilter as VelocityFilter
 
 __getattr__, __dir__, __all__ = lazily(
@@ -50,11 +47,8 @@ __getattr__, __dir__, __all__ = lazily(
         "can.bus": ("BusSettings",),
         "can.codec": ("DriverCodec", "MachineCodec"),
         "can.link": ("Link",),
-        "driver_loop": ("DriverLoop",),
         "faults": ("Fault", "FaultKind"),
-        "safety.limits": ("SafetySettings", "load_safety"),
-        "safety.states": ("SafetyState",),
-        "safety.supervisor": ("Supervisor",),
+        "safety.commands": ("SafetySettings", "load_safety"),
         "velocity_filter": ("VelocityFilter",),
     },
 )

@@ -20,13 +20,14 @@ from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, joint_state, valve_output
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.commands import RefusedError
-from crane_driver.safety.states import Level
+from crane_driver.safety.plausibility import JointEstimate
+from crane_driver.safety.supervisor import Level
 from crane_interfaces.msg import PositionEstimate, SensorFindings, ValveCommand
 from crane_nodes.driver_client import LATCHED
 from crane_nodes.node_time import nanoseconds
-from crane_nodes.scheduling import RealTime, RealTimeSettings, ThreadClock
+from crane_nodes.this_computer import RealTime, RealTimeSettings, ThreadClock
 
-DEPTH = 10  # messages
+COMMAND_DEPTH = 10  # messages
 FRAMES_AT_ONCE = 200  # a flood must not keep the valves waiting for their frames
 OLDEST_COMMAND_S = 1.0  # a greater age is that of another clock
 WARNING_PERIOD_S = 1.0
@@ -61,14 +62,13 @@ class ActiveDriver:
         self._timer: Timer | None = None
 
     def begin(self, realtime: RealTimeSettings) -> None:
-        """Listen to commands and serve the bus; the threads that serve it are there."""
         self._be_punctual(realtime)
         if not self.loop.listen_only:
             self._commands = self._node.create_subscription(
                 ValveCommand,
                 "valve_command",
                 self._command,  # type: ignore[arg-type]  # rclpy omits the second argument
-                DEPTH,
+                COMMAND_DEPTH,
             )
         self._begun = self._stamp()
         self._findings = self._node.create_subscription(
@@ -78,11 +78,10 @@ class ActiveDriver:
         self._timer = self._node.create_timer(self.loop.cycle, self._due, clock=steady)
 
     def end(self) -> None:
-        """Ramp to neutral, unless the driver only listens, and close the bus."""
         if self._timer:
             self._node.destroy_timer(self._timer)
-        for one in filter(None, (self._commands, self._estimates, self._findings)):
-            self._node.destroy_subscription(one)
+        for subscription in filter(None, (self._commands, self._estimates, self._findings)):
+            self._node.destroy_subscription(subscription)
         moving = not self.loop.listen_only
         if moving:
             self.loop.supervisor.disable()
@@ -111,7 +110,6 @@ class ActiveDriver:
     # frames and commands
 
     def receive(self) -> None:
-        """Frames or faults of the bus wait to be taken."""
         self._take()
         self._drive(self.loop.valve_frames(self._runs()))
 
@@ -120,18 +118,16 @@ class ActiveDriver:
         return time.monotonic()
 
     def _stamp(self) -> int:
-        """The same as a stamp of messages [ns]."""
         return time.time_ns()
 
     def _pause(self) -> None:
-        """Wait for the next cycle of a ramp to neutral."""
         time.sleep(self.loop.cycle)
 
     def _runs(self) -> float:
-        """The time, once it is judged whether the loop has run until now.
+        """Judge whether the loop has run until now, and return the time.
 
-        Asked for right before anything is judged by the time: the process may have been stopped
-        anywhere, and what is late only for that is no fault of who sends it.
+        To be called right before anything is judged by the time: the process may have been stopped
+        anywhere, and a message that is late only for that is not a fault of its sender.
         """
         now = self._now()
         self.loop.run(now, self._spent.read())
@@ -141,7 +137,6 @@ class ActiveDriver:
         self._publish(self.link.take(FRAMES_AT_ONCE))
 
     def _publish(self, frames: Sequence[Frame]) -> None:
-        """Publish the samples that these frames complete."""
         joints, pressures = self.loop.receive(frames, self.link.take_faults(), self._runs())
         for pressure_sample in pressures:
             self._pressures.publish(cylinder_pressures(pressure_sample, self.loop.cylinders))
@@ -162,7 +157,6 @@ class ActiveDriver:
         self.tell()
 
     def _answer(self, now: float) -> None:
-        """Send what is due to the machine."""
         self._drive(self.loop.valve_frames(now))
         self._send(self.loop.device_frames(now))
         self.tell()
@@ -184,10 +178,10 @@ class ActiveDriver:
         return True
 
     def _estimated(self, message: PositionEstimate) -> None:
-        stamp = nanoseconds(message.header.stamp)
+        sampled = self.loop.sampled(nanoseconds(message.header.stamp))
         motions = zip(message.position, message.velocity, message.std_dev, strict=False)
         for joint, motion in zip(message.name, motions, strict=False):
-            self.loop.estimate(joint, stamp, motion, message.condition)
+            self.loop.estimate(joint, JointEstimate(sampled, *motion, message.condition))
 
     def _found(self, message: SensorFindings) -> None:
         told = zip(message.joint, message.sensor, message.kind, message.dangerous, strict=False)
@@ -197,7 +191,7 @@ class ActiveDriver:
             if dangerous
         }
         before = nanoseconds(message.header.stamp) < self._begun
-        self.loop.supervisor.lying(wrong, before)
+        self.loop.supervisor.encoders_found_faulty(wrong, before)
         self.tell()
 
     def _commanders(self) -> int:
@@ -226,21 +220,17 @@ class ActiveDriver:
     # what services ask; `RefusedError` where the state does not permit it
 
     def enable(self) -> None:
-        """Let commands through."""
         self.loop.supervisor.published_by(self._commanders())
         self.loop.supervisor.enable(self._now())
 
     def disable(self) -> None:
-        """Ramp to neutral."""
         self.loop.supervisor.disable()
 
     def emergency_stop(self) -> None:
-        """Neutral at once, latched."""
         self.loop.supervisor.emergency_stop()
         self._send(self.loop.codec.neutral_frames())
 
     def reset_fault(self) -> None:
-        """Forget the faults that are latched."""
         self.loop.supervisor.reset(self._now())
 
     def substitute(self, joint: str) -> str:
@@ -252,14 +242,13 @@ class ActiveDriver:
         if not joint:
             return "all encoders are believed; call reset_fault and enable"
         self._estimates = self._node.create_subscription(
-            PositionEstimate, "position_estimate", self._estimated, DEPTH
+            PositionEstimate, "position_estimate", self._estimated, COMMAND_DEPTH
         )
         return f"{joint} goes on by position_estimate; call reset_fault and enable"
 
     def tell(self) -> None:
-        """Log what is new, and report it."""
-        news = self.loop.supervisor.news
-        for level, text in news:
+        entries = self.loop.supervisor.log
+        for level, text in entries:
             match level:  # rclpy wants each line of code to keep to one level
                 case Level.DEBUG:
                     self._log.debug(text)
@@ -269,6 +258,6 @@ class ActiveDriver:
                     self._log.warning(text)
                 case Level.ERROR:
                     self._log.error(text)
-        if news:
+        if entries:
             self._report()  # at once: who commands the valves waits for no second
-        news.clear()
+        entries.clear()

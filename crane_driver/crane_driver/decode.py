@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "states no range; for a bag: codes of the mapping",
     )
     options = parser.parse_args(argv)
-    return run(lambda: _decode(options))
+    return run(lambda: _decode(**vars(options)))
 
 
 def _zone(text: str) -> tzinfo:
@@ -66,27 +66,30 @@ def _zone(text: str) -> tzinfo:
     return zone
 
 
-def _decode(options: argparse.Namespace) -> None:
+def _decode(
+    log: Path,
+    dbc: Path | None,
+    out: Path,
+    mapping: Path | None,
+    machine: str | None,
+    replace: bool,
+    channel: str | None,
+    zone: tzinfo | None,
+    keep_codes: bool,
+) -> None:
     try:
-        from crane_driver.can.log_decoding import TABLES, DecodeRequest, decode
+        from crane_driver.can.log_decoding import TABLE_SUFFIXES, DecodeRequest, decode
     except ModuleNotFoundError as error:
         raise CraneError(
             f"{error}; install what reads CAN: make setup in a clone, or without ROS "
             "pip install './crane_driver[can]'"
         ) from None
-    if options.out.suffix in TABLES:
-        check_out(options.out, replace=options.replace)
-    name, mapping = options.machine, options.mapping
-    if mapping or name or not options.dbc:
-        mapping = machine_file("can.yaml", name, mapping)
+    if out.suffix in TABLE_SUFFIXES:
+        check_out(out, replace=replace)
+    if mapping or machine or not dbc:
+        mapping = machine_file("can.yaml", machine, mapping)
+    dbc = machine_file("can.dbc", machine, dbc)
     request = DecodeRequest(
-        log=options.log,
-        dbc=machine_file("can.dbc", name, options.dbc),
-        out=options.out,
-        machine=load_machine(name),
-        mapping=mapping,
-        channel=options.channel,
-        zone=options.zone,
-        keep_codes=options.keep_codes,
+        log, dbc, out, load_machine(machine), mapping, channel, zone, keep_codes
     )
     print(decode(request))

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from crane_driver.can.assembly import Assembly, Complete
+from crane_driver.can.canopen import Devices
 from crane_driver.can.codec import DriverCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import (
@@ -17,23 +18,68 @@ from crane_driver.can.health import (
 )
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
-from crane_driver.canopen.devices import Devices
-from crane_driver.faults import Fault
-from crane_driver.safety.commands import check_valves
-from crane_driver.safety.limits import SafetySettings
+from crane_driver.faults import Fault, FaultKind
+from crane_driver.safety.commands import SafetySettings, check_valves
 from crane_driver.safety.plausibility import JointEstimate, PositionWatch, believed
-from crane_driver.safety.stalls import StallWatch, behind
-from crane_driver.safety.states import Level, News, SafetyState
-from crane_driver.safety.supervisor import Supervisor
+from crane_driver.safety.supervisor import Level, LogEntry, SafetyState, Supervisor
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.linkages import motion
 from crane_model.machine import Machine
-from crane_nodes.scheduling import ProcessorTime
+from crane_nodes.this_computer import ProcessorTime
+
+# Which remedy fits where it is not the want of priority, which the kind of the fault names.
+REAL_TIME_REMEDY = (
+    "it has real-time priority: let all that has it use at most half of the cores, as "
+    "docs/how_to/real_time.md says, or take a faster computer"
+)
+STOPPED_REMEDY = (
+    "it was stopped: look for a debugger, a suspended computer, or a disk that it waited for"
+)
 
 # After a command valve frames follow the commands, not the cycle, unless none comes for so long.
-GRACE = 1.5  # cycles
-CLOSEST = 0.5  # cycles, between two valve frames that commands cause
-EARLY = 0.1  # cycles, by which a timer may come too early
+COMMAND_GRACE_CYCLES = 1.5  # cycles
+CLOSEST_FRAMES_CYCLES = 0.5  # cycles, between two valve frames that commands cause
+TIMER_EARLY_CYCLES = 0.1  # cycles, by which a timer may come too early
+
+
+class StallWatch:
+    """Judges by the steady clock how long the loop of the driver did not run."""
+
+    def __init__(self, limit: float):
+        """`limit` [s]: a longer pause is a stall."""
+        self._limit = limit
+        self._ran, self._spent = math.nan, ProcessorTime(math.nan)
+
+    def ran(self, now: float, spent: ProcessorTime) -> Fault | None:
+        """Return the stall that ends when the loop runs at `now` [s], with the time `spent` so far.
+
+        The first run has nothing to be late by.
+        """
+        pause, before = now - self._ran, self._spent
+        self._ran, self._spent = now, spent
+        if not pause > self._limit:
+            return None
+        computed, waited = spent.computed - before.computed, spent.waited - before.waited
+        kind, advice = FaultKind.STALLED, ""
+        if computed > pause / 2:
+            kind = FaultKind.OVERWORKED
+        elif waited < pause / 2:
+            advice = STOPPED_REMEDY
+        elif spent.priority:
+            advice = REAL_TIME_REMEDY
+        said = (
+            f"{kind.cause}: after {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms; it "
+            f"computed for {computed * 1e3:.0f} ms"
+        )
+        if math.isfinite(waited):
+            said += f" and waited for a processor for {waited * 1e3:.0f} ms"
+        return Fault(kind, said, advice=advice)
+
+
+def behind(now: float, heard: float) -> Fault:
+    """That frames wait at `now` [s] that came after `heard`, though the loop runs."""
+    kind = FaultKind.STALLED
+    return Fault(kind, f"{kind.cause}: it is {(now - heard) * 1e3:.0f} ms behind the bus")
 
 
 class JointSample(NamedTuple):
@@ -107,7 +153,9 @@ class DriverLoop:
         self.joints = tuple(joint for joint in machine.joint_names if joint in layout.positions)
         measured = {name.split(".")[0] for name in layout.pressures if name not in LINES}
         self.cylinders = tuple(joint for joint in machine.joint_names if joint in measured)
-        self.cycle = min(one.cycle for one in (layout.commands if valves else layout.readings))
+        self.cycle = min(
+            message.cycle for message in (layout.commands if valves else layout.readings)
+        )
         self.frames_of_cycle = layout.frames_of_cycle
         self.codec = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, now)
@@ -118,13 +166,15 @@ class DriverLoop:
         self._machine, self._settings = machine, settings
         self._resolution = {joint: layout.resolution(joint) for joint in valves}
         self._positions = Assembly(layout, "positions")
-        self._position_cycle = max(one.cycle for one in layout.readings if one.positions)
+        self._position_cycle = max(
+            message.cycle for message in layout.readings if message.positions
+        )
         self._blind = layout.timing.late * self._position_cycle  # s without a complete cycle
         self._stalls = StallWatch(self._blind)
         self._watches = self._new_watches()
         self._located = -math.inf  # reception of the newest one
         self._pressures = Assembly(layout, "pressures")
-        cycles = [one.cycle for one in layout.readings if one.pressures]
+        cycles = [message.cycle for message in layout.readings if message.pressures]
         self._pressure_cycle = max(cycles, default=0.0)
         self._newest: Complete | None = None  # pressures
         self._waiting: _Measured | None = None
@@ -177,7 +227,9 @@ class DriverLoop:
                 continue
             if faults := self.monitor.observe(readings):
                 substituted = self.supervisor.substituted  # whatever its encoder says is not heard
-                heeded = [one for one in faults if not substituted or one.reading != substituted]
+                heeded = [
+                    fault for fault in faults if not substituted or fault.reading != substituted
+                ]
                 self.supervisor.can_faults(heeded, now)
                 if not usable(faults):
                     continue
@@ -196,19 +248,17 @@ class DriverLoop:
         return joints, pressures
 
     def take_heard(self) -> list[HeardCommand]:
-        """What others commanded the valves since the last call, if this driver only listens."""
         heard, self._commands_heard = self._commands_heard, []
         return heard
 
-    def estimate(
-        self, joint: str, stamp: int, motion: tuple[float, float, float], condition: str
-    ) -> None:
-        """What is told of a joint: position, velocity and standard deviation of the position, from
-        pressures of `stamp` [ns], in a condition that PositionEstimate names.
-        """
+    def sampled(self, stamp: int) -> float:
+        """When pressures of `stamp` [ns] were sampled [s, steady]; NaN while none were."""
+        newest = self._newest
+        return newest.sampled + (stamp - newest.stamp) * 1e-9 if newest else math.nan
+
+    def estimate(self, joint: str, estimate: JointEstimate) -> None:
+        """Take an estimate of a joint, which counts if its encoder is substituted."""
         if joint == self.supervisor.substituted and self._newest is not None:
-            time = self._newest.sampled + (stamp - self._newest.stamp) * 1e-9
-            estimate = JointEstimate(time, *motion, condition)
             self.supervisor.estimated(estimate, self._newest.sampled)
 
     def check(self, publishers: int, now: float, heard: float) -> None:
@@ -217,7 +267,7 @@ class DriverLoop:
         `heard`: until when all that came has been received; what comes later is not missing yet.
         """
         self.supervisor.can_faults(self.monitor.check(heard) + self.devices.check(heard), now)
-        self.supervisor.news += [News(Level.WARNING, text) for text in self.devices.news()]
+        self.supervisor.log += [LogEntry(Level.WARNING, text) for text in self.devices.take_log()]
         if now - self._located > self._blind:  # though each frame by itself may come in time
             if now - heard > heard - self._located:
                 self.supervisor.stalled(behind(now, heard), now)
@@ -241,13 +291,13 @@ class DriverLoop:
         if self.listen_only:
             return []
         if commanded:
-            if now - self._commanded < CLOSEST * self.cycle:
-                self._due = self._commanded + CLOSEST * self.cycle
+            if now - self._commanded < CLOSEST_FRAMES_CYCLES * self.cycle:
+                self._due = self._commanded + CLOSEST_FRAMES_CYCLES * self.cycle
                 return []
             self._commanded = now
-        elif now < self._due - EARLY * self.cycle:
+        elif now < self._due - TIMER_EARLY_CYCLES * self.cycle:
             return []
-        self._due = now + (GRACE if commanded else 1.0) * self.cycle
+        self._due = now + (COMMAND_GRACE_CYCLES if commanded else 1.0) * self.cycle
         output = self.supervisor.output(now)
         frames = self.codec.command_frames(output.commands, output.enabled)
         for frame in frames:
@@ -283,15 +333,14 @@ class DriverLoop:
     def _measured(self, positions: Complete) -> _Measured:
         positions = self._believed(positions)
         readings = [positions.values[joint] for joint in self.joints]
-        _, velocity, _ = self._filter.update(positions.sampled, readings)
-        velocities = velocity.tolist()
+        velocities = self._filter.update(positions.sampled, readings).velocity.tolist()
         self._located = positions.received
         self.supervisor.readings(positions.values, dict(zip(self.joints, velocities, strict=True)))
         return _Measured(positions, velocities)
 
     def _joint_samples(self, now: float) -> list[JointSample]:
-        """The joints that wait, once the pressures of their cycle are there; at the latest when
-        half a cycle is over, for a controller waits for them.
+        """Return the joints that wait, once the pressures of their cycle have come, but at the
+        latest after half a cycle, since a controller waits for them.
         """
         if self._waiting is None:
             return []

@@ -13,16 +13,15 @@ from std_msgs.msg import Header
 
 from crane_bags.clocks import NANOSECONDS
 from crane_driver.can.bus import BusState
+from crane_driver.can.canopen import Node, NodeState
 from crane_driver.can.frame import show_id
 from crane_driver.can.health import Freshness, MessageStream
 from crane_driver.can.link import Link
-from crane_driver.canopen.devices import Node, NodeState
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
-from crane_driver.safety.states import SafetyState
-from crane_driver.safety.supervisor import Supervisor
+from crane_driver.safety.supervisor import SafetyState, Supervisor
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 
-STATES = {
+STATE_NUMBERS = {
     SafetyState.OFFLINE: DriverState.STATE_OFFLINE,
     SafetyState.DISABLED: DriverState.STATE_DISABLED,
     SafetyState.ENABLED: DriverState.STATE_ENABLED,
@@ -32,7 +31,7 @@ STATES = {
     SafetyState.ESTOP: DriverState.STATE_EMERGENCY_STOP,
 }
 FINALIZED = "finalized"  # state of a managed node that has been shut down
-LEVELS = {
+STATE_LEVELS = {
     SafetyState.OFFLINE: DiagnosticStatus.WARN,
     SafetyState.DISABLED: DiagnosticStatus.OK,
     SafetyState.ENABLED: DiagnosticStatus.OK,
@@ -41,7 +40,7 @@ LEVELS = {
     SafetyState.FAULT: DiagnosticStatus.ERROR,
     SafetyState.ESTOP: DiagnosticStatus.ERROR,
 }
-FRESHNESS = {
+FRESHNESS_LEVELS = {
     Freshness.FRESH: (DiagnosticStatus.OK, "comes in time"),
     Freshness.LATE: (DiagnosticStatus.WARN, "late"),
     Freshness.MISSING: (DiagnosticStatus.ERROR, "missing"),
@@ -83,7 +82,7 @@ def driver_state(supervisor: Supervisor) -> DriverState:
     """driver/state of an active driver; without stamp and node."""
     fault = supervisor.faults.first
     return DriverState(
-        state=STATES[supervisor.state],
+        state=STATE_NUMBERS[supervisor.state],
         text=supervisor.state,
         fault=fault.kind.number if fault else DriverState.FAULT_NONE,
         source=fault.source if fault else "",
@@ -109,8 +108,8 @@ def inactive_state(lifecycle_state: str) -> DriverState:
 
 def diagnostics(name: str, loop: DriverLoop, link: Link) -> list[DiagnosticStatus]:
     """/diagnostics: the state of safety, of the bus, of messages and devices that are expected."""
-    streams = [_stream(name, one) for one in loop.monitor.streams.values()]
-    devices = [_device(name, one) for one in loop.devices.nodes]
+    streams = [_stream(name, stream) for stream in loop.monitor.streams.values()]
+    devices = [_device(name, node) for node in loop.devices.nodes]
     return [_safety(name, loop.supervisor), _bus(name, loop, link), *streams, *devices]
 
 
@@ -121,12 +120,14 @@ def inactive(name: str, lifecycle_state: str) -> DiagnosticStatus:
 
 def _safety(name: str, supervisor: Supervisor) -> DiagnosticStatus:
     fault = supervisor.faults.first
-    faults = {key: f"{one.count} times: {one.fault}" for key, one in supervisor.faults.items()}
+    faults = {
+        key: f"{latched.count} times: {latched.fault}" for key, latched in supervisor.faults.items()
+    }
     listening = [supervisor.cause] if supervisor.state is SafetyState.LISTENING else []
     text = "; ".join([supervisor.state, *listening, *([supervisor.line(fault)] if fault else ())])
     if len(faults) > 1:
         text += f"; {len(faults) - 1} more, see the values"
-    level = LEVELS[supervisor.state]
+    level = STATE_LEVELS[supervisor.state]
     if listening and fault:
         level = DiagnosticStatus.WARN
     if supervisor.limited and level == DiagnosticStatus.OK:
@@ -151,14 +152,16 @@ def _bus(name: str, loop: DriverLoop, link: Link) -> DiagnosticStatus:
         "times reopened": link.reopened,
         "cycles incomplete": loop.incomplete,
         "unknown frames": sum(unknown.values()),
-        "unknown identifiers": " ".join(show_id(*one) for one in sorted(unknown)[:20]),
+        "unknown identifiers": " ".join(
+            show_id(*unknown_id) for unknown_id in sorted(unknown)[:20]
+        ),
     }
     level = DiagnosticStatus.OK if active else DiagnosticStatus.ERROR
     return _status(f"{name}: bus", level, link.state, values)
 
 
 def _stream(name: str, stream: MessageStream) -> DiagnosticStatus:
-    level, text = FRESHNESS[stream.freshness]
+    level, text = FRESHNESS_LEVELS[stream.freshness]
     if not stream.received:
         level, text = DiagnosticStatus.ERROR, "not received yet"
     values = {

@@ -16,8 +16,9 @@ from std_srvs.srv import Trigger
 from crane_bags.clocks import NANOSECONDS
 from crane_driver.active_driver import ActiveDriver
 from crane_driver.can.binding import load_layout
+from crane_driver.can.bus import check_private
+from crane_driver.can.frame import START_NS, TIME
 from crane_driver.can.link import Link
-from crane_driver.can.simulated_time import START_NS, TIME, check_private
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import (
     FINALIZED,
@@ -28,8 +29,7 @@ from crane_driver.driver_messages import (
 )
 from crane_driver.driver_parameters import DriverParameters, driver_parameters, read_parameters
 from crane_driver.lock_step import LockStepDriver
-from crane_driver.safety.commands import RefusedError
-from crane_driver.safety.limits import load_safety
+from crane_driver.safety.commands import RefusedError, load_safety
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_interfaces.srv import SubstituteEncoder
 from crane_model.errors import ConfigurationError, CraneError
@@ -37,15 +37,16 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
 from crane_model.urdf import urdf
 from crane_nodes.driver_client import LATCHED, STATE_TOPIC
-from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
-from crane_nodes.managed import AUTOSTART, run_managed, say_ready
-from crane_nodes.names import full_name
+from crane_nodes.managed import AUTOSTART, full_name, run_managed, say_ready
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import declare, hold
+from crane_nodes.parameters import MACHINE, declare, declare_machine, hold, read_machine_again
 
 REPORT_PERIOD_S = 1.0
-DEPTH = 10  # messages
+DIAGNOSTICS_DEPTH = 10  # messages
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+ABOUT_DRIVER = """The crane's CAN bus as topics, and safe commands to its valves. They stay neutral
+until the service ~/enable is called. Software is no safety stop."""
 
 
 class Driver(LifecycleNode):
@@ -65,7 +66,9 @@ class Driver(LifecycleNode):
         self._joints = self.create_publisher(JointState, "joint_states", depth)
         self._pressures = self.create_publisher(CylinderPressures, "cylinder_pressures", depth)
         self._outputs = self.create_publisher(ValveCommand, "valve_output", depth)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, "/diagnostics", DIAGNOSTICS_DEPTH
+        )
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         self._state = self.create_publisher(DriverState, STATE_TOPIC, LATCHED)
         self._received = self.create_guard_condition(self._receive)
@@ -82,7 +85,6 @@ class Driver(LifecycleNode):
         self._report()
 
     def stop(self) -> None:
-        """Ramp to neutral and close the bus."""
         if active := self._active:
             self._active = None
             active.end()
@@ -90,7 +92,7 @@ class Driver(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files, and check that they fit together."""
         try:
-            self._machine = read_again(self, self._machine)
+            self._machine = read_machine_again(self, self._machine)
             self._settings = read_parameters(self, self._machine)
             if self._time.simulated:
                 check_private(self._settings.bus)
@@ -136,28 +138,24 @@ class Driver(LifecycleNode):
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ramp to neutral and close the bus."""
         self.stop()
         self._lifecycle = "inactive"
         self._report()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget the parameters; they are read again when the node is configured."""
         self._settings = None
         self._lifecycle = "unconfigured"
         self._report()
         return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ramp to neutral and close the bus."""
         self.stop()
         self._lifecycle = FINALIZED
         self._report()
         return SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """An error in a transition: ramp to neutral, close the bus, back to unconfigured."""
         self.stop()
         return self.on_cleanup(state)
 
@@ -178,7 +176,6 @@ class Driver(LifecycleNode):
             self._active.receive()
 
     def _report(self) -> None:
-        """State and diagnostics, once a second and at every change."""
         if self._active:
             state = driver_state(self._active.loop.supervisor)
             status = diagnostics(full_name(self), self._active.loop, self._active.link)
@@ -218,7 +215,7 @@ class Driver(LifecycleNode):
         return response
 
     def _ask(self, name: str, action: Callable[[ActiveDriver], str]) -> tuple[bool, str]:
-        """Whether it was done, and what the answer to a service says."""
+        """Return whether it was done, and what the answer to a service says."""
         if self._active is None:
             return False, f"{name}: the driver is {self._lifecycle}; activate it first"
         success = True
@@ -236,11 +233,7 @@ class Driver(LifecycleNode):
         return FAILURE
 
 
-ABOUT = """The crane's CAN bus as topics, and safe commands to its valves. They stay neutral until
-the service ~/enable is called. Software is no safety stop."""
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the driver until a signal ends it; it ramps to neutral before it ends."""
     parameters = driver_parameters(load_machine(), DEFAULT_MACHINE)
-    return run_managed("driver", Driver, ABOUT, parameters, argv)
+    return run_managed("driver", Driver, ABOUT_DRIVER, parameters, argv)

@@ -10,15 +10,12 @@ from crane_driver.can.bus import BusSettings, bus_settings
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
-from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART
-from crane_nodes.parameters import NodeParameter, Number, Switch, Text
-from crane_nodes.scheduling import RealTimeSettings
+from crane_nodes.parameters import MACHINE, NodeParameter, Number, Switch, Text
+from crane_nodes.this_computer import RealTimeSettings
 
 INTERFACE = Text(
-    "bus.interface",
-    "udp_multicast",
-    "Interface of python-can, for example socketcan. At configure",
+    "bus.interface", "udp_multicast", "Interface of python-can, for example socketcan. At configure"
 )
 CHANNEL = Text(
     "bus.channel",
@@ -41,9 +38,7 @@ MAPPING = Text(
     "YAML that says what the signals mean; empty: can.yaml of the machine. At configure",
 )
 SAFETY = Text(
-    "safety",
-    "",
-    "YAML of the safety functions; empty: safety.yaml of the machine. At configure",
+    "safety", "", "YAML of the safety functions; empty: safety.yaml of the machine. At configure"
 )
 LISTEN_ONLY = Switch(
     "listen_only",
@@ -138,7 +133,7 @@ def read_parameters(node: Node, machine: Machine) -> DriverParameters:
         dbc=machine_file("can.dbc", name, DBC.read(node)),
         mapping=machine_file("can.yaml", name, MAPPING.read(node)),
         safety=machine_file("safety.yaml", name, SAFETY.read(node)),
-        jerk_density={joint: one.read(node) for joint, one in densities.items()},
+        jerk_density={joint: parameter.read(node) for joint, parameter in densities.items()},
         realtime=RealTimeSettings(int(PRIORITY.read(node)), LOCK_MEMORY.read(node)),
         listeners=LISTENERS.read(node).split(),
         listen_only=LISTEN_ONLY.read(node),

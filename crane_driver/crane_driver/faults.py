@@ -18,7 +18,6 @@ class FaultKind(StrEnum):
     remedy: str  # what to do before reset_fault
 
     def __new__(cls, word: str, number: int, cause: str, remedy: str) -> Self:
-        """A member with what belongs to it."""
         kind = str.__new__(cls, word)
         kind._value_ = word
         kind.number, kind.cause, kind.remedy = number, cause, remedy
@@ -60,10 +59,7 @@ class FaultKind(StrEnum):
         *("missing", 9, "a message does not come any more"),
         "check plug and supply of its device",
     )
-    BUS = (
-        *("bus", 10, "the CAN bus cannot be used"),
-        "check adapter, wiring and termination",
-    )
+    BUS = (*("bus", 10, "the CAN bus cannot be used"), "check adapter, wiring and termination")
     NOT_ACCEPTED = (
         *("not accepted", 11, "the valve electronics do not accept what they are sent"),
         "check the wiring of the valve electronics, and CRC and counter in the mapping",
@@ -122,11 +118,11 @@ class FaultKind(StrEnum):
     )
     ESTIMATE = (
         *("estimate", 25, "the estimate in the place of an encoder cannot be used any more"),
-        "see what position_sensor says on /diagnostics",
+        "see what position_estimator says on /diagnostics",
     )
-    LYING = (
-        *("lying", 26, "the sensor monitor has found that an encoder lies, or may lie"),
-        "mend the encoder and let sensor_monitor forget it, or go on without it by substitute",
+    FAULTY_ENCODER = (
+        *("faulty encoder", 26, "the sensor monitor has found an encoder that is or may be faulty"),
+        "repair the encoder and let sensor_monitor forget it, or go on without it by substitute",
     )
 
 
@@ -141,21 +137,41 @@ consequence.
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault, and of what: `source` is a message, a device or a joint, empty where it is of the
-    whole driver or bus.
+    """One fault of the driver.
+
+    Parameters
+    ----------
+    kind
+        Kind of the fault, with its cause and its remedy.
+    detail
+        What was found, with the limit.
+    source, id, measures
+        Message, device or joint, empty for the whole driver or bus; identifier of a message, as
+        candump writes it; what it measures, for people: "encoder of boom".
+    reading
+        Reading that is not a measurement: joint, JOINT.a, ..., supply.
+    advice
+        What to do, if the remedy of the kind does not fit.
+
+    Examples
+    --------
+    >>> fault = Fault(FaultKind.JUMPED, "its position jumped by 0.2 in 5 ms", "boom")
+    >>> print(fault)
+    boom: jumped: its position jumped by 0.2 in 5 ms
+    >>> fault.remedy
+    'check encoder and wiring, then call reset_fault'
     """
 
     kind: FaultKind
     detail: str
     source: str = ""
-    id: str = ""  # of a message, as `show_id` writes it
-    measures: str = ""  # what a message measures, for people: "encoder of boom"
-    reading: str = ""  # the one that is no measurement: joint, JOINT.a, ..., supply
-    advice: str = ""  # what to do, where what the kind says does not fit
+    id: str = ""
+    measures: str = ""
+    reading: str = ""
+    advice: str = ""
 
     @property
     def where(self) -> str:
-        """The source, for people."""
         source = f"{self.source} ({self.id})" if self.id else self.source
         return ", ".join(filter(None, (self.measures, source)))
 
@@ -166,7 +182,6 @@ class Fault:
 
     @property
     def remedy(self) -> str:
-        """What to do."""
         return f"{self.advice or self.kind.remedy}, then call reset_fault"
 
     def __str__(self) -> str:

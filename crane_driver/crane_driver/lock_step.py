@@ -27,29 +27,28 @@ from std_msgs.msg import Header
 from crane_bags.clocks import NANOSECONDS
 from crane_bags.types import JOINT_STATES
 from crane_driver.active_driver import ActiveDriver
-from crane_driver.can.frame import Frame
-from crane_driver.can.simulated_time import TIME, step_frame, told_time
-from crane_driver.safety.states import SafetyState
+from crane_driver.can.frame import TIME, Frame, step_frame, told_time
+from crane_driver.safety.supervisor import SafetyState
 from crane_interfaces.msg import ValveCommand
-from crane_nodes.names import full_name
+from crane_nodes.executor import Polled
+from crane_nodes.managed import full_name
 from crane_nodes.node_time import (
-    CLOCK,
+    CLOCK_PROFILE,
     CLOCK_TOPIC,
-    TAKEN,
+    TAKEN_PROFILE,
     TAKEN_TOPIC,
     NodeTime,
     nanoseconds,
     stamp_of,
 )
-from crane_nodes.polled import Polled
-from crane_nodes.scheduling import PATIENCE_S, RealTimeSettings
+from crane_nodes.this_computer import PATIENCE_S, RealTimeSettings
 
 QUIET_NS = NANOSECONDS  # after which a crane that rests needs no more time
-REMARK_S = 5.0  # of real time, for which somebody is waited for without a word
-REPEAT_S = 0.1  # of real time, between two messages of /clock while time stands still
-ASK_S = 0.2  # of real time, between two questions who is there
-EARLY = 0.9  # cycles, by which a timer may come too early
-LONGEST_TRAIN = 1000  # frames without a time
+REMARK_AFTER_S = 5.0  # of real time, for which somebody is waited for without a word
+TICK_REPEAT_S = 0.1  # of real time, between two messages of /clock while time stands still
+ASK_PERIOD_S = 0.2  # of real time, between two questions who is there
+PACE_CYCLES = 0.9  # cycles, by which a timer may come too early
+MOST_TRAIN_FRAMES = 1000  # frames without a time
 NOBODY, NO_COMMANDER, PACE = "", "no commander", "pace"
 
 
@@ -74,13 +73,11 @@ class LockStepDriver(ActiveDriver):
         self._next_look = Future()
 
     def begin(self, realtime: RealTimeSettings) -> None:
-        """Listen to commands and wait for the crane; simulated time needs no priority."""
-        self._ticks = self._node.create_publisher(ClockMessage, CLOCK_TOPIC, CLOCK)
-        self._paced = Polled(self._node, Header, TAKEN_TOPIC, TAKEN)
+        self._ticks = self._node.create_publisher(ClockMessage, CLOCK_TOPIC, CLOCK_PROFILE)
+        self._paced = Polled(self._node, Header, TAKEN_TOPIC, TAKEN_PROFILE)
         super().begin(RealTimeSettings(priority=0, lock_memory=False))
 
     def end(self) -> None:
-        """Ramp to neutral and close the bus."""
         super().end()
         self._paced.close()
         self._node.destroy_publisher(self._ticks)
@@ -104,14 +101,13 @@ class LockStepDriver(ActiveDriver):
     def _pause(self) -> None:
         if self._waiting:
             self._step()
-        while not self._arrived() and self._silent() < ASK_S:
+        while not self._arrived() and self._silent() < ASK_PERIOD_S:
             time.sleep(1e-4)
         self._train.clear()
 
     # cycles
 
     def receive(self) -> None:
-        """Take the frames that wait, and work if they complete a cycle."""
         while self._arrived():
             self._tick()
             frames, self._train = self._train, []
@@ -133,13 +129,13 @@ class LockStepDriver(ActiveDriver):
                 self._gone += max(0.0, self._silent() - PATIENCE_S)
                 self._time, self._waiting, self._since = told, True, time.monotonic()
                 steady = self._now()
-                self._train = [one._replace(stamp=told, steady=steady) for one in self._train]
+                self._train = [frame._replace(stamp=told, steady=steady) for frame in self._train]
                 return True
             else:  # the crane repeats itself, and may have missed the answer
                 self._train.clear()
                 if not self._waiting:
                     self._step()
-        del self._train[:-LONGEST_TRAIN]
+        del self._train[:-MOST_TRAIN_FRAMES]
         return False
 
     def _tick(self) -> None:
@@ -151,7 +147,7 @@ class LockStepDriver(ActiveDriver):
     def _due(self) -> None:
         """Look, every cycle of real time, whether somebody is waited for who will not answer."""
         self._go_on_if(led=False)
-        if self._waiting and time.monotonic() - self._ticked > REPEAT_S:
+        if self._waiting and time.monotonic() - self._ticked > TICK_REPEAT_S:
             self._tick()  # for nodes that have come since
         if self._silent() > PATIENCE_S:  # the crane is gone
             self._judge(self._now(), self._now())
@@ -198,7 +194,7 @@ class LockStepDriver(ActiveDriver):
             return absent
         if self._rests:
             return NO_COMMANDER
-        early = time.monotonic() - self._stepped < EARLY * self.loop.cycle
+        early = time.monotonic() - self._stepped < PACE_CYCLES * self.loop.cycle
         return PACE if led or early else NOBODY
 
     @property
@@ -235,10 +231,12 @@ class LockStepDriver(ActiveDriver):
     def _pacing(self) -> set[str]:
         """Full names of the nodes that say how far they have come."""
         there = self._node.get_publishers_info_by_topic(TAKEN_TOPIC)
-        return {f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in there}
+        return {f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}" for endpoint in there}
 
     def _hear(self) -> None:
-        self._taken |= {one.frame_id: nanoseconds(one.stamp) for one, _ in self._paced.take()}
+        self._taken |= {
+            header.frame_id: nanoseconds(header.stamp) for header, _ in self._paced.take()
+        }
 
     def _late(self) -> str:
         return next((name for name, until in self._taken.items() if until < self._time), NOBODY)
@@ -249,14 +247,14 @@ class LockStepDriver(ActiveDriver):
             heard = self._node.get_subscriptions_info_by_topic(JOINT_STATES.relative)
             self._hear()
             silent = {name.rpartition("/")[2] for name in self._pacing() - self._taken.keys()}
-            there = {one.node_name for one in heard} - silent
+            there = {endpoint.node_name for endpoint in heard} - silent
             self._absent = sorted(self._listeners - there)
         return ", ".join(self._absent)
 
     def _may_ask(self) -> bool:
         """Return whether it is time to ask the graph again, which is dear."""
         now = time.monotonic()
-        if now - self._asked < ASK_S:
+        if now - self._asked < ASK_PERIOD_S:
             return False
         self._asked = now
         return True
@@ -264,7 +262,7 @@ class LockStepDriver(ActiveDriver):
     def _say(self) -> None:
         """Tell, once each, who keeps simulated time from going on."""
         remark = ""
-        if time.monotonic() - self._since > REMARK_S:
+        if time.monotonic() - self._since > REMARK_AFTER_S:
             remark = self._awaited(led=False) if self._waiting else "the simulated crane"
             if self._train:
                 remark += ", which runs in real time: start it with --lock-step"

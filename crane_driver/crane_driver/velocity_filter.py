@@ -7,44 +7,79 @@ the actual sample times, so jitter needs no special case.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
 UNKNOWN_VELOCITY = 10.0  # rad/s or m/s; standard deviation before the second sample
-MEMORY = 1.0  # s; before the second sample the acceleration is what jerk makes of it in this time
+# s; before the second sample the acceleration is what jerk makes of it in this time
+JERK_MEMORY_S = 1.0
+
+
+class JointMotion(NamedTuple):
+    """Motion of j joints; NaN where it is not known."""
+
+    position: np.ndarray  # (j,) rad, m
+    velocity: np.ndarray  # (j,) rad/s, m/s
+    acceleration: np.ndarray  # (j,) rad/s², m/s²
 
 
 class VelocityFilter:
     """Filter of j joints that are sampled together.
 
-    jerk_density: (j,) [(rad or m)²/s⁵], expected jerk squared times the time for which it lasts.
-    resolution: (j,) [rad or m], step of the encoders; a reading has the variance resolution²/12.
-    gap: [s], a longer time without a reading resets a joint.
+    Parameters
+    ----------
+    jerk_density : array_like, shape (j,)
+        Expected jerk squared times the time for which it lasts [(rad or m)²/s⁵].
+    resolution : array_like, shape (j,)
+        Step of the encoders [rad or m]; a reading has the variance resolution²/12.
+    longest_pause : float
+        A longer time without a reading resets a joint [s].
+
+    Raises
+    ------
+    ValueError
+        If a value is not positive, or the shapes differ.
     """
 
-    def __init__(self, jerk_density: ArrayLike, resolution: ArrayLike, gap: float = 0.1):
+    def __init__(self, jerk_density: ArrayLike, resolution: ArrayLike, longest_pause: float = 0.1):
         self._density = np.array(jerk_density, dtype=float)
         self._noise = np.array(resolution, dtype=float) ** 2 / 12
         if self._density.shape != self._noise.shape or self._density.ndim != 1:
             raise ValueError("jerk_density and resolution: one value a joint")
-        if not (np.all(self._density > 0) and np.all(self._noise > 0) and gap > 0):
-            raise ValueError("jerk_density, resolution and gap must be positive")
+        if not (np.all(self._density > 0) and np.all(self._noise > 0) and longest_pause > 0):
+            raise ValueError("jerk_density, resolution and longest_pause must be positive")
         joints = len(self._density)
-        self._gap = gap
+        self._longest_pause = longest_pause
         self._last = np.full(joints, -np.inf)
         self._state = np.zeros((joints, 3))
         self.covariance = np.zeros((joints, 3, 3))
 
-    def update(
-        self, stamp: float, position: Sequence[float] | np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, velocity, acceleration (j,) of the joints from their readings at `stamp` [s].
+    def update(self, stamp: float, position: Sequence[float] | np.ndarray) -> JointMotion:
+        """Estimate the motion of the joints from their newest readings.
 
-        NaN where they are not known: all three of a joint whose reading is NaN, velocity and
-        acceleration at a joint's first reading, and after a reset. A reading that is not newer
-        than the last one changes nothing, unless the clock went back by more than `gap`: a reset.
+        A reading that is not newer than the last one changes nothing, unless the clock went back by
+        more than `longest_pause`, which resets the joint.
+
+        Parameters
+        ----------
+        stamp
+            Time of the readings [s].
+        position : array_like, shape (j,)
+            Readings [rad, m]; NaN if there is none.
+
+        Returns
+        -------
+        JointMotion
+            Position, velocity and acceleration, each of shape (j,). All three are NaN for a joint
+            whose reading is NaN, velocity and acceleration at its first reading and after a reset.
+
+        Raises
+        ------
+        ValueError
+            If the number of joints differs.
         """
         readings = np.asarray(position, dtype=float)
         if readings.shape != self._density.shape:
@@ -58,10 +93,10 @@ class VelocityFilter:
             self.covariance,
             self._density,
             self._noise,
-            self._gap,
+            self._longest_pause,
             estimate,
         )
-        return estimate[0], estimate[1], estimate[2]
+        return JointMotion(*estimate)
 
 
 @njit(cache=True)
@@ -73,7 +108,7 @@ def _update(
     covariance: np.ndarray,
     density: np.ndarray,
     noise: np.ndarray,
-    gap: float,
+    longest_pause: float,
     estimate: np.ndarray,
 ) -> None:
     for j in range(len(readings)):
@@ -82,7 +117,7 @@ def _update(
             estimate[:, j] = np.nan
             continue
         dt = stamp - last[j]
-        if abs(dt) > gap:
+        if abs(dt) > longest_pause:
             last[j] = stamp
             x[:] = readings[j], np.nan, np.nan
             estimate[:, j] = x
@@ -93,7 +128,7 @@ def _update(
                 p[:] = 0.0
                 p[0, 0] = noise[j]
                 p[1, 1] = UNKNOWN_VELOCITY**2
-                p[2, 2] = density[j] * MEMORY
+                p[2, 2] = density[j] * JERK_MEMORY_S
             last[j] = stamp
             _predict(x, p, dt, density[j])
             _correct(x, p, readings[j], noise[j])
@@ -125,7 +160,6 @@ def _predict(x: np.ndarray, p: np.ndarray, dt: float, density: float) -> None:
 
 @njit(cache=True)
 def _correct(x: np.ndarray, p: np.ndarray, reading: float, noise: float) -> None:
-    """The state and covariance after one reading of the position."""
     innovation, variance = reading - x[0], p[0, 0] + noise
     k0, k1, k2 = p[0, 0] / variance, p[1, 0] / variance, p[2, 0] / variance
     x[0] += k0 * innovation

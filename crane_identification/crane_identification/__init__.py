@@ -1,4 +1,4 @@
-"""Parameters of a crane from recordings of it: what programs use.
+"""Identification of the parameters of a crane from recordings: the API for programs.
 
 >>> from crane_identification import Estimator, Options
 >>> Options(estimator=Estimator.ROBUST).covariance
@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
-    from crane_identification.data.bag_log import read_bag as read_bag
+    from crane_identification.data.column_map import ColumnMap as ColumnMap
     from crane_identification.data.log import Log as Log
     from crane_identification.data.log import Signal as Signal
-    from crane_identification.estimation.estimate import Estimate as Estimate
+    from crane_identification.data.recording_log import read_bag as read_bag
+    from crane_identification.data.recording_log import read_recording as read_recording
+    from crane_identification.estimation.regression import Estimate as Estimate
     from crane_identification.fitting import FitResult as FitResult
     from crane_identification.fitting import fit as fit
     from crane_identification.fitting import validate as validate
@@ -27,9 +29,10 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazily(
     __name__,
     {
-        "data.bag_log": ("read_bag",),
+        "data.column_map": ("ColumnMap",),
         "data.log": ("Log", "Signal"),
-        "estimation.estimate": ("Estimate",),
+        "data.recording_log": ("read_bag", "read_recording"),
+        "estimation.regression": ("Estimate",),
         "fitting": ("FitResult", "fit", "validate"),
         "options": ("Covariance", "Estimator", "Options"),
         "preparation.prepare": ("Session",),

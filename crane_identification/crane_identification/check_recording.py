@@ -3,11 +3,12 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from crane_identification.data.arguments import Sources, add_part
+from crane_identification.data.arguments import Sources, add_part, request_of
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.table_files import TABLES
+from crane_identification.data.recording_log import TABLES
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import check
@@ -22,38 +23,42 @@ from crane_model.model_file import Model, load_model
 from crane_model.terms import load_terms
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Everything the command does; raises `CraneError` with what is wrong."""
-    if arguments.terms:
-        load_terms(arguments.terms)
-    model = load_model(arguments.model) if arguments.model else _usual(arguments.machine)
-    columns = load(arguments.columns, ColumnMap) if arguments.columns else None
-    if columns and not (
-        arguments.model or arguments.machine or {*model.joints} & {*columns.joints}
-    ):
+@dataclass(frozen=True)
+class CheckRequest:
+    """The recordings to check, against a machine or a model, and the `options` to read them by."""
+
+    recordings: tuple[Path, ...]
+    machine: Path | None
+    model: Path | None
+    terms: Path | None
+    columns: Path | None
+    options: Options
+
+
+def run(request: CheckRequest) -> None:
+    """Print what each recording looks like; `DataError` if one is wrong."""
+    if request.terms:
+        load_terms(request.terms)
+    model = load_model(request.model) if request.model else _default_model(request.machine)
+    columns = load(request.columns, ColumnMap) if request.columns else None
+    if columns and not (request.model or request.machine or {*model.joints} & {*columns.joints}):
         raise ConfigurationError(
-            f"{arguments.columns}: the joints {', '.join(columns.joints)} are not those of the "
-            "laboratory crane, which is the default; give your machine by --model or --machine"
+            f"{request.columns}: the joints {', '.join(columns.joints)} are not those of "
+            "the laboratory crane, which is the default; give your machine by --model or --machine"
         )
     with ProgressBar() as progress:
-        options = Options(
-            begin=arguments.begin,
-            end=arguments.end,
-            namespace=arguments.namespace,
-            rate=arguments.rate,
-        )
-        logs = Sources(model, columns, options, progress).read(arguments.recordings)
+        logs = Sources(model, columns, request.options, progress).read(request.recordings)
     checked = [check(model.machine, log, model) for log in logs]
-    print("\n".join(line for one in checked for line in _lines(one)))
-    if refused := [one.source for one in checked if one.decisive]:
+    print("\n".join(line for recording in checked for line in _lines(recording)))
+    if refused := [recording.source for recording in checked if recording.decisive]:
         raise DataError(
-            f"{', '.join(refused)}: whatever is fitted to this is wrong; record again, or mend the "
-            "column map or the machine file"
+            f"{', '.join(refused)}: whatever is fitted to this is wrong; record again, or correct "
+            "the column map or the machine file"
         )
 
 
-def _usual(name: Path | None) -> Model:
-    """That of the report where the machine is such a crane, or else the machine's own."""
+def _default_model(name: Path | None) -> Model:
+    """The model of the paper [1] if the machine is such a crane, else the machine's own."""
     machine = load_machine(name)
     return crane(machine) if machine.planar else load_model(machine_file("model.yaml", name))
 
@@ -61,7 +66,10 @@ def _usual(name: Path | None) -> Model:
 def _lines(checked: Checked) -> list[str]:
     return [
         f"{checked.source}: looks {checked.verdict}",
-        *(f"  {'wrong' if one.decisive else 'doubtful'}: {one}" for one in checked.suspicions),
+        *(
+            f"  {'wrong' if suspicion.decisive else 'doubtful'}: {suspicion}"
+            for suspicion in checked.suspicions
+        ),
         *(f"  not checked: {what}" for what in checked.unchecked),
         *(f"  note: {note}" for note in checked.notes),
     ]
@@ -78,9 +86,7 @@ def parser() -> argparse.ArgumentParser:
     add = result.add_argument
     machine = result.add_mutually_exclusive_group()
     machine.add_argument(
-        "--machine",
-        type=Path,
-        help="machine: name, folder or file (default: the laboratory crane)",
+        "--machine", type=Path, help="machine: name, folder or file (default: the laboratory crane)"
     )
     machine.add_argument("--model", type=Path, help="model file; its machine and its joints")
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
@@ -93,4 +99,4 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; exit status 0, 1 for an error that is named, 130 when interrupted."""
     arguments = parser().parse_args(list(sys.argv[1:] if argv is None else argv))
-    return cli.run(lambda: run(arguments))
+    return cli.run(lambda: run(request_of(CheckRequest, arguments)))

@@ -19,12 +19,12 @@ from crane_identification.data.arguments import (
 )
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
-from crane_identification.data.table_files import TABLES
-from crane_identification.diagnosis import explain, findings
+from crane_identification.data.recording_log import TABLES
+from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.diagnosis import check_known, diagnose
-from crane_identification.diagnosis.flow.usual import load_usual
-from crane_identification.diagnosis.report import page
-from crane_identification.fitting import fit
+from crane_identification.diagnosis.findings import Findings
+from crane_identification.diagnosis.fit.fit import Fitted, fitted
+from crane_identification.diagnosis.flow import load_usual
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
@@ -46,7 +46,7 @@ NEEDED = ("model", "train", "validate", "out")
 def run(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
     if arguments.explain is not None:
-        _tell(explain.read(arguments.explain), arguments.explain)
+        _tell(Findings.read(arguments.explain / "findings.json").plain(), arguments.explain)
         return
     absent = [f"--{name}" for name in NEEDED if not getattr(arguments, name)]
     if absent:
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
     start = time.perf_counter()
     results = (arguments.out / name for name in ("model.yaml", "findings.json", "report.html"))
     cli.check_out(*results, replace=arguments.replace)
-    own = load_terms(arguments.terms) if arguments.terms else ()
+    user_terms = load_terms(arguments.terms) if arguments.terms else ()
     model = load_model(arguments.model)
     why = "the gap is proved on recordings that took no part"
     refuse_overlap(arguments.train, arguments.validate, why)
@@ -71,8 +71,10 @@ def run(arguments: argparse.Namespace) -> None:
             model.machine, (*training, *held_out), arguments.trust_recordings, model
         )
         with blaming(suspicions):
-            weighed_by = _with_values(model, training, options, progress)
-            training, changes = split_by_load(weighed_by, training, options)
+            fit = _fitted(model, training, held_out, options, arguments.fixed, progress)
+            weighed_by = fit.before if fit and model.values is None else model
+            prepared = fit.training.recordings if fit else ()
+            training, changes = split_by_load(weighed_by, training, options, prepared)
             held_out, more = split_by_load(weighed_by, held_out, options)
             suspicions += changes + more
             result = diagnose(
@@ -85,7 +87,8 @@ def run(arguments: argparse.Namespace) -> None:
                 usual,
                 arguments.without,
                 arguments.fixed,
-                [str(one.model_fields["type"].default) for one in own],
+                [str(term.model_fields["type"].default) for term in user_terms],
+                None if changes or more else fit,  # of the parts, where a recording was split
             )
         provenance = Provenance.of(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -94,9 +97,13 @@ def run(arguments: argparse.Namespace) -> None:
         )
         arguments.out.mkdir(parents=True, exist_ok=True)
         save_model(arguments.out / "model.yaml", result.after)
-        findings.write(arguments.out / "findings.json", result, suspicions)
+        found = result.results(suspicions)
+        found.write(arguments.out / "findings.json")
+        if found.unknown is not None and found.unknown.formula is not None:
+            name = words.formula_file(found.unknown.plain())
+            (arguments.out / name).write_text(found.unknown.formula.source, encoding="utf-8")
         page.write(arguments.out / "report.html", result, provenance, suspicions)
-    _tell(findings.content(result, suspicions), arguments.out)
+    _tell(found.plain(), arguments.out)
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
     samples = sum(len(log.position.time) for log in logs)
@@ -104,24 +111,27 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"{len(logs)} recordings, {samples} samples of each joint, {seconds:.0f} s")
 
 
-def _with_values(
-    model: Model, training: Sequence[Log], options: Options, progress: Progress
-) -> Model:
-    """The model, fitted where it has no values; as it is where these recordings do not tell them,
-    which the diagnosis says.
+def _fitted(
+    model: Model,
+    training: Sequence[Log],
+    held_out: Sequence[Log],
+    options: Options,
+    fixed: bool,
+    progress: Progress,
+) -> Fitted | None:
+    """The fit to the recordings as they are; None if they cannot be used, as the diagnosis of their
+    parts says.
     """
-    if model.values is not None:
-        return model
     try:
-        return fit(model, training, options, progress).model
+        return fitted(model, training, held_out, options, fixed, progress)
     except DataError:
-        return model
+        return None
 
 
 def _tell(content: dict[str, Any], folder: Path) -> None:
     for warning in (*content.get("suspicions", ()), *content.get("warnings", ())):
         print(f"warning: {warning}", file=sys.stderr)
-    print("\n".join([*explain.lines(content), *explain.next_step(content, folder)]))
+    print("\n".join([*words.lines(content), *words.next_step(content, folder)]))
 
 
 def parser() -> argparse.ArgumentParser:

@@ -7,8 +7,7 @@ import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.estimation.autoregression import LackOfFit, lack_of_fit
-from crane_identification.estimation.consistent import consistent
-from crane_identification.estimation.estimate import Estimate
+from crane_identification.estimation.consistent import consistent, physics
 from crane_identification.estimation.excitation import (
     at_one_speed,
     products_of,
@@ -21,10 +20,15 @@ from crane_identification.estimation.least_squares import (
     robust,
     weighted,
 )
-from crane_identification.estimation.physics import physics
 from crane_identification.estimation.prior import Measure, Prior
 from crane_identification.estimation.prior_check import PriorConflict, check_prior
-from crane_identification.estimation.regression import Rows, build_rows, common_factor, instruments
+from crane_identification.estimation.regression import (
+    Estimate,
+    Rows,
+    build_rows,
+    common_factor,
+    instruments,
+)
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.prepare import Session, prepare_all, prepare_moving
 from crane_identification.preparation.run import Preparation
@@ -36,12 +40,28 @@ from crane_model.progress_bar import Progress, silent
 
 @dataclass(frozen=True)
 class FitResult:
-    """The `model` with its values, the `estimate` behind them, and the data of both.
+    """A fitted model and the data behind it.
 
-    `rows` are the equations that were solved, `decimation` the factor of the parallel filter.
-    `lack_of_fit` says whether their residual is more than noise. `prior` counted beside them, and
-    `conflict` says which of its entries they contradict. Of the recordings `standing` nothing was
-    used: no joint of the model moves in them.
+    Parameters
+    ----------
+    model : Model
+        The model with its values.
+    estimate : Estimate
+        Values, standard deviations and residuals.
+    rows : Rows
+        The equations that were solved.
+    preparations : tuple of Preparation
+        The prepared recordings.
+    decimation : int
+        Factor of the parallel filter.
+    lack_of_fit : LackOfFit
+        Test whether the residual is more than noise, per joint.
+    prior : Prior, optional
+        Prior that was used.
+    standing : tuple of str
+        Recordings that were not used: no joint of the model moves in them.
+    conflict : PriorConflict, optional
+        Entries of the prior that the recordings contradict.
     """
 
     model: Model
@@ -63,14 +83,37 @@ def fit(
     session: Session | None = None,
     prior: Prior | None = None,
 ) -> FitResult:
-    """Θ of `model` from all recordings together, by the estimator of `options`.
+    """Fit the parameters of a model to recordings.
 
-    Time counts through the `session`; None: that of these recordings. A `prior` is for least
-    squares, consistent or not.
+    Parameters
+    ----------
+    model : Model
+        Model with p parameters; its values are not used.
+    logs : sequence of Log
+        Recordings, which are fitted together.
+    options : Options, optional
+        Estimator and processing; None: the defaults.
+    progress : Progress
+        Receiver of the progress.
+    session : Session, optional
+        Session through which time counts; None: that of `logs`.
+    prior : Prior, optional
+        Gaussian or log-det prior, for least squares, consistent or not.
 
-    Raises `DataError` if a recording does not fit the model or is too short, and if parameters
-    are not determined by these recordings: it names them.
+    Returns
+    -------
+    FitResult
+        The fitted model, with estimates (p,) in SI units.
 
+    Raises
+    ------
+    DataError
+        If a recording does not fit the model or is too short, or parameters are not determined.
+    ConfigurationError
+        If the estimator does not take the prior.
+
+    Examples
+    --------
     An axis of 3 kg on a damper of 2 N s/m:
 
     >>> from crane_identification import Log, Signal
@@ -164,11 +207,28 @@ def validate(
     progress: Progress = silent,
     session: Session | None = None,
 ) -> tuple[Validation, ...]:
-    """Predictions of an estimated `model` on each gapless run of the recordings.
+    """Compare the forces that a fitted model predicts with those of recordings.
 
-    Time counts through the `session`, as in the fit; None: that of these recordings.
+    Parameters
+    ----------
+    model : Model
+        Model with values.
+    logs : sequence of Log
+        Recordings that the fit has not seen.
+    options, progress, session
+        As in `fit`.
 
-    Raises `DataError` as `fit` does, `ConfigurationError` if the model has no values.
+    Returns
+    -------
+    tuple of Validation
+        One for each gapless run of the recordings.
+
+    Raises
+    ------
+    DataError
+        If a recording does not fit the model or is too short.
+    ConfigurationError
+        If the model has no values.
     """
     options = options or Options()
     preparations = prepare_all(model, logs, options, progress, session)

@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,69 +15,87 @@ from crane_identification.data.arguments import (
     add_processing,
     add_recordings,
     add_trust,
-    options_of,
     refuse_copies,
     refuse_overlap,
+    request_of,
 )
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.table_files import TABLES
+from crane_identification.data.recording_log import TABLES
 from crane_identification.estimation.prior import load_prior
 from crane_identification.fitting import fit, validate
-from crane_identification.hydraulics.joint_estimate import identify_hydraulics
-from crane_identification.hydraulics.ramps import with_ramps
-from crane_identification.online.replay import recursion
+from crane_identification.hydraulics.joint_estimate import identify_hydraulics, with_ramps
+from crane_identification.online.replay import BackgroundTask, recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.prepare import Session
 from crane_identification.progress_bar import ProgressBar
-from crane_identification.recording_check.check import blaming, lying, vetted
+from crane_identification.recording_check.check import blaming, faulty_sensors, vetted
 from crane_identification.recording_check.loads import loads_in_words
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance, pooled
 from crane_identification.report.findings import findings
 from crane_identification.report.terminal import tell
-from crane_identification.scale.beside import Beside
 from crane_identification.scale.summed import SummedFit, fit_streamed
 from crane_model import cli
 from crane_model.cli import one_of
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics.values import JointHydraulics
+from crane_model.hydraulics import JointHydraulics
 from crane_model.model_file import Model, load_model, save_model
 from crane_model.progress_bar import Progress
 from crane_model.terms import load_terms
 
-# `identify --stream` and `--cluster`: what needs no more than sums over recordings.
+
+@dataclass(frozen=True)
+class IdentifyRequest:
+    """The command line of `identify`; `given` are its words."""
+
+    given: tuple[str, ...]
+    model: Path
+    train: tuple[Path, ...]
+    validate: tuple[Path, ...]
+    out: Path
+    replace: bool
+    terms: Path | None
+    columns: Path | None
+    options: Options
+    prior: Path | None
+    ramps: Path | None
+    stream: bool
+    cluster: str | None
+    trust_recordings: bool
+    recursive: bool
+    reference_values: Path | None
+
+
+# Fits by sums over recordings: --stream and --cluster.
 
 
 def identify_by_sums(
-    model: Model,
-    arguments: argparse.Namespace,
-    columns: ColumnMap | None,
-    options: Options,
-    warnings: Sequence[str],
+    model: Model, request: IdentifyRequest, columns: ColumnMap | None, warnings: Sequence[str]
 ) -> None:
     """Fit by sums of information matrices, on a Dask cluster or recording by recording, and
     validate here; the figures of a report would need all rows here.
     """
-    option = "--cluster" if arguments.cluster else "--stream"
-    if options.estimator is not Estimator.LEAST_SQUARES or arguments.recursive:
+    options = request.options
+    option = "--cluster" if request.cluster else "--stream"
+    if options.estimator is not Estimator.LEAST_SQUARES or request.recursive:
         raise ConfigurationError(
             f"{option} sums information matrices, which is least squares (31); give "
             "--estimator least_squares, without --recursive"
         )
-    if arguments.prior:
+    if request.prior:
         raise ConfigurationError(f"{option} takes no prior; leave out --prior")
-    if arguments.ramps:
+    if request.ramps:
         raise ConfigurationError(f"{option} finds no valves; leave out --ramps")
     with ProgressBar() as progress:
-        trusted = arguments.trust_recordings
+        trusted = request.trust_recordings
         result = (
-            _on_cluster(model, arguments, columns, options, progress)
-            if arguments.cluster
-            else fit_streamed(model, arguments.train, options, progress, columns, trusted)
+            _on_cluster(model, request, columns, progress)
+            if request.cluster
+            else fit_streamed(model, request.train, options, progress, columns, trusted)
         )
         sources = Sources(model, columns, options, progress)
-        held_out = sources.read(arguments.validate)
+        held_out = sources.read(request.validate)
         for warning in (
             *warnings,
             *result.suspicions,
@@ -86,25 +104,21 @@ def identify_by_sums(
             print(f"warning: {warning}", file=sys.stderr)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    save_model(arguments.out / "model.yaml", result.model)
-    summary.write_summed(arguments.out / "summary.json", result, errors)
+    request.out.mkdir(parents=True, exist_ok=True)
+    save_model(request.out / "model.yaml", result.model)
+    summary.write_summed(request.out / "summary.json", result, errors)
     print(
         f"{len(model.parameters)} parameters from {result.information.rows.sum()} equations of "
-        f"{len(arguments.train)} recordings"
-        + (f", by {result.workers} workers" if arguments.cluster else "")
+        f"{len(request.train)} recordings"
+        + (f", by {result.workers} workers" if request.cluster else "")
     )
-    print(f"written: {arguments.out}/model.yaml, {arguments.out}/summary.json")
+    print(f"written: {request.out}/model.yaml, {request.out}/summary.json")
 
 
 def _on_cluster(
-    model: Model,
-    arguments: argparse.Namespace,
-    columns: ColumnMap | None,
-    options: Options,
-    progress: Progress,
+    model: Model, request: IdentifyRequest, columns: ColumnMap | None, progress: Progress
 ) -> SummedFit:
-    if arguments.terms:
+    if request.terms:
         raise ConfigurationError(
             "--cluster: its workers do not have the file of --terms; leave it out"
         )
@@ -112,9 +126,15 @@ def _on_cluster(
         from crane_identification.scale.cluster import fit_on_cluster
     except ImportError as error:
         raise ConfigurationError(f"--cluster needs Dask: {error}; install distributed") from None
-    trusted = arguments.trust_recordings
+    assert request.cluster is not None
     return fit_on_cluster(
-        model, arguments.train, arguments.cluster, options, progress, columns, trusted
+        model,
+        request.train,
+        request.cluster,
+        request.options,
+        progress,
+        columns,
+        request.trust_recordings,
     )
 
 
@@ -122,52 +142,52 @@ class ReferenceValues(RootModel[dict[str, float]]):
     """Known values of parameters by name, to be shown beside the estimates."""
 
 
-def identify(arguments: argparse.Namespace) -> None:
-    """Everything the command does; raises `CraneError` with what is wrong."""
-    by_sums = arguments.cluster or arguments.stream
+def identify(request: IdentifyRequest) -> None:
+    """Fit, validate and write the results; raises `CraneError`."""
+    by_sums = request.cluster or request.stream
     names = ("model.yaml", "summary.json", *(() if by_sums else ("report.html",)))
-    cli.check_out(*(arguments.out / name for name in names), replace=arguments.replace)
-    if arguments.terms:
-        load_terms(arguments.terms)
-    given = load_model(arguments.model)
+    cli.check_out(*(request.out / name for name in names), replace=request.replace)
+    if request.terms:
+        load_terms(request.terms)
+    given = load_model(request.model)
     model = given.of_machine()
     alike = _loads_left_out(given, model)
     refuse_overlap(
-        arguments.train, arguments.validate, "validate on recordings that the fit has not seen"
+        request.train, request.validate, "validate on recordings that the fit has not seen"
     )
-    columns = load(arguments.columns, ColumnMap) if arguments.columns else None
-    known = _known_values(arguments.reference_values, model) if arguments.reference_values else None
-    prior = load_prior(arguments.prior, model) if arguments.prior else None
-    options = replace(options_of(arguments), estimator=arguments.estimator)
+    columns = load(request.columns, ColumnMap) if request.columns else None
+    known = _known_values(request.reference_values, model) if request.reference_values else None
+    prior = load_prior(request.prior, model) if request.prior else None
+    options = request.options
     if by_sums:
-        identify_by_sums(model, arguments, columns, options, alike)
+        identify_by_sums(model, request, columns, alike)
         return
     with ProgressBar() as progress, ExitStack() as processes:
         sources = Sources(model, columns, options, progress)
-        training = sources.read(arguments.train)
-        suspicions = vetted(model.machine, training, arguments.trust_recordings, model)
+        training = sources.read(request.train)
+        suspicions = vetted(model.machine, training, request.trust_recordings, model)
         # Most of the time: reading by reading, in their order, on a core of its own.
         replayed = (
-            processes.enter_context(Beside(recursion, model, training))
-            if arguments.recursive
+            processes.enter_context(BackgroundTask(recursion, model, training))
+            if request.recursive
             else None
         )
-        held_out = sources.read(arguments.validate)
+        held_out = sources.read(request.validate)
         refuse_copies((*training, *held_out))
-        suspicions += vetted(model.machine, held_out, arguments.trust_recordings, model)
-        suspicions += lying(given, (*arguments.train, *arguments.validate), options.end)
+        suspicions += vetted(model.machine, held_out, request.trust_recordings, model)
+        suspicions += faulty_sensors(given, (*request.train, *request.validate), options.end)
         session = Session.of((*training, *held_out))
         with blaming(suspicions):
             result = fit(model, training, options, progress, session, prior)
         suspicions += loads_in_words(result.model, training, options)
         hydraulics = identify_hydraulics(model, training, options.period, progress)
-        if arguments.ramps:
+        if request.ramps:
             if not model.machine:
                 raise ConfigurationError(
-                    f"{arguments.model}: names no machine, whose actuators --ramps needs; name it, "
+                    f"{request.model}: names no machine, whose actuators --ramps needs; name it, "
                     "or leave out --ramps"
                 )
-            hydraulics = with_ramps(hydraulics, arguments.ramps, model.machine)
+            hydraulics = with_ramps(hydraulics, request.ramps, model.machine)
         result = replace(result, model=replace(result.model, hydraulics=hydraulics))
         validations = (
             validate(result.model, held_out, options, progress, session) if held_out else ()
@@ -180,18 +200,18 @@ def identify(arguments: argparse.Namespace) -> None:
             warnings=(*alike, *suspicions, *findings(result, (*training, *held_out), validations)),
             provenance=Provenance.of(
                 datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-                ["identify", *arguments.given],
-                str(arguments.model),
+                ["identify", *request.given],
+                str(request.model),
             ),
-            planted=known,
+            true_values=known,
             recursive=replayed.result(progress) if replayed else None,
             seen_by_none=held_out,
         )
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        save_model(arguments.out / "model.yaml", result.model)
-        summary.write(arguments.out / "summary.json", report)
-        page.write(arguments.out / "report.html", report, progress)
-    tell(report, arguments.out)
+        request.out.mkdir(parents=True, exist_ok=True)
+        save_model(request.out / "model.yaml", result.model)
+        summary.write(request.out / "summary.json", report)
+        page.write(request.out / "report.html", report, progress)
+    tell(report, request.out)
 
 
 def _known_values(path: Path, model: Model) -> dict[str, float]:
@@ -199,7 +219,7 @@ def _known_values(path: Path, model: Model) -> dict[str, float]:
     hydraulics of its machine no such value.
     """
     known = load(path, ReferenceValues).root
-    names = [one.name for one in model.parameters]
+    names = [parameter.name for parameter in model.parameters]
     joints = model.machine.joint_names if model.machine else ()
     hydraulic = {f"{name}.{joint}" for joint in joints for name in JointHydraulics.units}
     if unknown := sorted(set(known) - set(names) - hydraulic):
@@ -213,8 +233,8 @@ def _known_values(path: Path, model: Model) -> dict[str, float]:
 
 def _loads_left_out(given: Model, model: Model) -> tuple[str, ...]:
     """A warning where the `given` model held loads of recordings, which `model` does not."""
-    kept = {one.name for one in model.parameters}
-    loads = [one.name for one in given.parameters if one.name not in kept]
+    kept = {parameter.name for parameter in model.parameters}
+    loads = [parameter.name for parameter in given.parameters if parameter.name not in kept]
     if not loads:
         return ()
     return (
@@ -285,8 +305,8 @@ def parser() -> argparse.ArgumentParser:
         "--reference-values",
         type=Path,
         help="JSON or YAML file of known values by name, of parameters and of hydraulics as "
-        "lag.JOINT (say, those that `crane_sim planted --json` prints), shown in the report beside "
-        "the estimates",
+        "lag.JOINT (say, those that `crane_sim true_values --json` prints), shown in the report "
+        "beside the estimates",
     )
     return result
 
@@ -296,4 +316,4 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     arguments = parser().parse_args(given)
     arguments.given = given
-    return cli.run(lambda: identify(arguments))
+    return cli.run(lambda: identify(request_of(IdentifyRequest, arguments)))

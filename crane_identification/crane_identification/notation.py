@@ -12,11 +12,7 @@ AT_BOUND_SIGMAS = 0.01
 CERTAIN_SIGMAS = 2.0
 """Standard deviations from its bound, below which a value only says how large it is at most."""
 
-HUMAN_UNITS = {
-    "Pa": ("bar", 1e-5),
-    "1/Pa": ("1/GPa", 1e9),
-    "m3/(s Pa)": ("mL/(min bar)", 6e12),
-}
+HUMAN_UNITS = {"Pa": ("bar", 1e-5), "1/Pa": ("1/GPa", 1e9), "m3/(s Pa)": ("mL/(min bar)", 6e12)}
 """Units that people read hydraulics in, and how many of them an SI unit is."""
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

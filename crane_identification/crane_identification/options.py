@@ -1,4 +1,4 @@
-"""How recordings are turned into an estimate; the defaults take what they need from the data."""
+"""Options of identification; defaults that depend on the data are None."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,16 @@ from crane_identification.signals.motion import MotionEstimator
 
 
 class Estimator(StrEnum):
-    """How Θ is found from the rows; what each is for is in its module under `estimation`."""
+    """Estimator of the parameters Θ from the rows of (29).
+
+    LEAST_SQUARES: (31) as it stands. WEIGHTED: weighted by the covariance of the noise between
+    joints. ROBUST: Tukey's bisquare, which outliers do not bias. INSTRUMENTAL: instruments along
+    the recorded reference, unbiased under feedback. CONSISTENT: least squares among physically
+    consistent parameters, which is (31) wherever that is consistent.
+
+    >>> Estimator("robust")
+    <Estimator.ROBUST: 'robust'>
+    """
 
     LEAST_SQUARES = "least_squares"
     WEIGHTED = "weighted"
@@ -18,11 +27,14 @@ class Estimator(StrEnum):
 
 
 class Covariance(StrEnum):
-    """What is assumed of the residual.
+    """Assumption about the residual, from which standard deviations follow.
 
     CLASSICAL: white; its variance is its sum of squares over (rows - parameters).
     SAMPLE: white; its variance is the sample variance about its mean, as usual in robotics (EMPS).
     CORRELATED: an autoregressive process of its own in each joint.
+
+    >>> [str(assumption) for assumption in Covariance]
+    ['classical', 'sample', 'correlated']
     """
 
     CLASSICAL = "classical"
@@ -32,20 +44,38 @@ class Covariance(StrEnum):
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of identification.
+    """Options of identification.
 
-    Commands read of each recording what lies between `begin` and `end` [s from its start], and of a
-    bag the topics in `namespace` (None: the one that it holds), behind a low-pass at `rate` [Hz]
-    (None: as recorded); `fit` takes logs as they were read.
-    `motion` estimates velocity and acceleration (None: the best route for the kind of data). With
-    `average`, whole periods are averaged (37)-(38): `period` [s] (None: found in the reference),
-    the last `periods` of them (None: all behind the transient). Without, `trim` samples are cut
-    from both ends (None: those that the smoother's memory spoils). `mask_reversals` leaves out what
-    happens where the sign of the velocity is not known; without, sgn is taken as it comes.
-    `decimation` is the factor of the parallel filter (None: from the bandwidth of the motion; 1: no
-    filter). `covariance` says what is assumed of the residual. `estimator`: least squares (31)
-    under physical constraints, which is plain least squares wherever that is physical, or another.
+    Parameters
+    ----------
+    begin, end : float
+        Part of each recording that commands use [s from its start]; `fit` takes logs as they are.
+    namespace : str, optional
+        Namespace of the topics in a bag; None: the one that the bag holds.
+    rate : float, optional
+        Rate [Hz] to which commands resample, behind a low-pass; None: as recorded.
+    motion : MotionEstimator, optional
+        Estimator of velocity and acceleration; None: the best one for the kind of data.
+    average : bool
+        Average whole periods, (37)-(38).
+    period : float, optional
+        Period to average over [s]; None: found in the reference or the positions.
+    periods : int, optional
+        Number of periods to average, the last ones; None: all behind the transient.
+    trim : tuple of two ints, optional
+        Samples to cut from both ends if nothing is averaged; None: those that the memory of the
+        smoother spoils.
+    mask_reversals : bool
+        Leave out rows at which the sign of the velocity is not known.
+    decimation : int, optional
+        Factor of the parallel filter, 1 for no filter; None: from the bandwidth of the motion.
+    covariance : Covariance
+        Assumption about the residual.
+    estimator : Estimator
+        Estimator of the parameters.
 
+    Examples
+    --------
     >>> Options(begin=2.0, period=20.0).covariance
     <Covariance.CORRELATED: 'correlated'>
     """

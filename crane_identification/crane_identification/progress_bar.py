@@ -7,11 +7,14 @@ from tqdm import tqdm
 
 from crane_model.progress_bar import progress_bar
 
-STEPS = 1000
+BAR_STEPS = 1000
 
 
 class ProgressBar:
-    """A `crane_model.progress_bar.Progress` that draws bars on standard error."""
+    """Progress of computations as bars on standard error, one bar for each phase.
+
+    A `crane_model.progress_bar.Progress` for `fit` and its like, and a context manager.
+    """
 
     def __init__(self) -> None:
         self._phase = ""
@@ -22,8 +25,8 @@ class ProgressBar:
         if phase != self._phase or self._bar is None:
             self.close()
             self._phase = phase
-            self._bar = progress_bar(phase, STEPS)
-        self._bar.update(round(done * STEPS) - self._bar.n)
+            self._bar = progress_bar(phase, BAR_STEPS)
+        self._bar.update(round(done * BAR_STEPS) - self._bar.n)
 
     def close(self) -> None:
         """End the bar that is shown."""

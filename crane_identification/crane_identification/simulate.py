@@ -4,53 +4,62 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from crane_identification.data.arguments import Sources, add_part
+from crane_identification.data.arguments import Sources, add_part, request_of
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare_all
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.report.terminal import ahead, console
-from crane_identification.validation.command_validation import (
+from crane_identification.validation.motion_validation import (
     CommandValidation,
+    MotionValidation,
     validate_commands,
+    validate_motion,
 )
-from crane_identification.validation.motion_validation import MotionValidation, validate_motion
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import DataError
 from crane_model.model_file import load_model
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Everything the command does; raises `CraneError` with what is wrong."""
-    model = load_model(arguments.model).of_machine()
-    columns = load(arguments.columns, ColumnMap) if arguments.columns else None
-    options = Options(
-        begin=arguments.begin,
-        end=arguments.end,
-        namespace=arguments.namespace,
-        rate=arguments.rate,
-    )
+@dataclass(frozen=True)
+class SimulationRequest:
+    """The `model` and the recordings `bag` to simulate, from valve commands or pressures."""
+
+    model: Path
+    bag: tuple[Path, ...]
+    from_commands: bool
+    columns: Path | None
+    options: Options
+
+
+def run(request: SimulationRequest) -> None:
+    """Simulate, and print how far the simulated motion is off; raises `CraneError`."""
+    model = load_model(request.model).of_machine()
+    columns = load(request.columns, ColumnMap) if request.columns else None
     with ProgressBar() as progress:
-        logs = Sources(model, columns, options, progress).read(arguments.bag)
+        logs = Sources(model, columns, request.options, progress).read(request.bag)
     began = time.perf_counter()
     found: Sequence[CommandValidation | MotionValidation]
-    if arguments.from_commands:
-        found = validate_commands(model, logs, options)
+    if request.from_commands:
+        found = validate_commands(model, logs, request.options)
     else:
-        records = [one.record for one in prepare_all(model, logs, Options(average=False))]
+        records = [
+            preparation.record for preparation in prepare_all(model, logs, Options(average=False))
+        ]
         driven = validate_motion(model, records)
         if driven.reason:
             raise DataError(driven.reason)
         found = (driven,)
     took = time.perf_counter() - began
-    source = "valve commands" if arguments.from_commands else "measured pressures"
+    source = "valve commands" if request.from_commands else "measured pressures"
     print(f"simulated from {source}, against measured motion:")
-    for one in found:
-        console(100).print(ahead(model, one))
-    simulated = sum(one.windows * one.horizon for one in found)
+    for validation in found:
+        console(100).print(ahead(model, validation))
+    simulated = sum(validation.windows * validation.horizon for validation in found)
     print(f"{simulated:.0f} s simulated in {took:.1f} s, preparation included")
 
 
@@ -77,4 +86,4 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; exit status 0, 1 for an error that is named, 130 when interrupted."""
     arguments = parser().parse_args(list(sys.argv[1:] if argv is None else argv))
-    return cli.run(lambda: run(arguments))
+    return cli.run(lambda: run(request_of(SimulationRequest, arguments)))

@@ -44,7 +44,6 @@ class Method(Schema):
     left_share: Share
     closed_share: Share
     simple_share: Share
-    fallen_share: Share
     explainable_share: Share
     surveyed_error: Share
     clean_factor: Positive

@@ -1,4 +1,4 @@
-"""Excitation trajectories: their design, their check, and the crane led along them.
+"""Excitation trajectories: their design, their check, and the motion of the crane.
 
 The trajectory that ships, one period of it, and the motion of an experiment along it:
 

@@ -6,7 +6,9 @@ import argparse
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +38,6 @@ from crane_trajectory.excitation.criterion import (
     relative_std_devs,
 )
 from crane_trajectory.excitation.limits import DesignSettings, Limit, load_design_settings
-from crane_trajectory.excitation.picture import draw
 from crane_trajectory.excitation.search import (
     ExcitationProblem,
     after,
@@ -46,10 +47,10 @@ from crane_trajectory.excitation.search import (
     workers,
 )
 from crane_trajectory.excitation.sweeps import design_sweeps
-from crane_trajectory.motion.check import Clearance, load_clearance
+from crane_trajectory.motion.check import Clearance, draw, load_clearance
 from crane_trajectory.motion.motion import RUN_UP
 from crane_trajectory.motion.periodic import (
-    LARGEST,
+    LARGEST_PROBE,
     LONGEST_PERIOD,
     MOST_HARMONICS,
     SHORTEST_PERIOD,
@@ -57,30 +58,63 @@ from crane_trajectory.motion.periodic import (
     Probe,
     load_trajectory,
 )
-from crane_trajectory.settling.settling import settle
-
-# The command line of `design`.
+from crane_trajectory.settling.settling import SettleRequest, settle
 
 OF_SETTLING = {"duration": 60.0, "load": 50.0, "terms": None}
 """Options that mean something with `--settle` alone, and what they are by default [s, kg]."""
 
 
-def meant(arguments: argparse.Namespace) -> argparse.Namespace:
-    """The arguments, with what is not given of OF_SETTLING; `ConfigurationError` where one of these
-    is given without `--settle`.
-    """
-    given = [name for name in OF_SETTLING if getattr(arguments, name) is not None]
-    if given and not arguments.settle:
-        raise ConfigurationError(
-            f"{', '.join(f'--{name}' for name in given)}: of --settle alone, which is not given; "
-            "leave it out"
-        )
-    missing = {name: usual for name, usual in OF_SETTLING.items() if name not in given}
-    return argparse.Namespace(**vars(arguments) | missing)
+@dataclass(frozen=True)
+class DesignRequest:
+    """What is asked of `design`."""
+
+    period: float | None  # s, of a Fourier trajectory
+    sweeps: list[float] | None  # shares of the velocity limits
+    settle: Path | None  # folder of a diagnosis
+    duration: float  # s
+    load: float  # kg
+    terms: Path | None
+    dwell: float  # s
+    harmonics: int
+    criterion: CriterionKind
+    columns: ColumnSet
+    count: int | None
+    after: list[Path]
+    acceleration: list[tuple[str, float]]
+    without: list[Limit]
+    seed: int
+    starts: int
+    probe: float | None
+    machine: str
+    model: Path | None
+    settings: Path | None
+    clearance: Path | None
+    out: Path
+    replace: bool
+    command: str  # as it was typed, with files by name: where they lay says nothing elsewhere
+
+    @classmethod
+    def of(cls, options: dict[str, Any], argv: list[str]) -> "DesignRequest":
+        """From options; `ConfigurationError` if one of `--settle` is given without it."""
+        given = [name for name in OF_SETTLING if options[name] is not None]
+        if given and not options["settle"]:
+            raise ConfigurationError(
+                f"{', '.join(f'--{name}' for name in given)}: of --settle alone, which is not "
+                "given; leave it out"
+            )
+        missing = {name: usual for name, usual in OF_SETTLING.items() if name not in given}
+        words = [Path(word).name if "/" in word else word for word in argv]
+        command = shlex.join(["ros2", "run", "crane_trajectory", "design", *words])
+        return cls(**options | missing, command=command)
+
+    @property
+    def added(self) -> Probe | None:
+        """The probe on top of the motion."""
+        return None if self.probe is None else Probe(amplitude=self.probe)
 
 
 def parser() -> argparse.ArgumentParser:
-    """What it takes."""
+    """The command line of `design`."""
     result = command_line(
         description="Find excitation trajectories by (35), or lay out sweeps, and write them with "
         "figures of merit and a picture."
@@ -89,84 +123,56 @@ def parser() -> argparse.ArgumentParser:
     period = between(SHORTEST_PERIOD, LONGEST_PERIOD)
     what.add_argument("--period", type=period, help="of a Fourier trajectory (32) [s]")
     what.add_argument(
-        "--sweeps",
-        type=above(0.0, 1.0),
-        nargs="+",
-        metavar="SHARE",
+        "--sweeps", type=above(0.0, 1.0), nargs="+", metavar="SHARE",
         help="instead: every joint in turn at these shares of its velocity limit, both ways",
-    )
+    )  # fmt: skip
     what.add_argument(
-        "--settle",
-        type=Path,
-        metavar="DIR",
+        "--settle", type=Path, metavar="DIR",
         help="instead: what settles best what the diagnosis in DIR left open",
-    )
-    result.add_argument(
-        "--duration",
-        type=between(20.0, LONGEST_PERIOD),
+    )  # fmt: skip
+    add = result.add_argument
+    add(
+        "--duration", type=between(20.0, LONGEST_PERIOD),
         help=f"with --settle, of the recording [s] (default: {OF_SETTLING['duration']:g})",
-    )
-    result.add_argument(
-        "--load",
-        type=above(0.0),
+    )  # fmt: skip
+    add(
+        "--load", type=above(0.0),
         help="with --settle, a known mass that there is to hang at the tip [kg] "
         f"(default: {OF_SETTLING['load']:g})",
-    )
-    result.add_argument(
-        "--terms", type=Path, metavar="FILE", help="with --settle, as it was given to diagnose"
-    )
-    result.add_argument("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s]")
-    result.add_argument("--harmonics", type=whole(1, MOST_HARMONICS), default=5, help="N of (32)")
-    result.add_argument(
-        "--criterion",
-        type=one_of(CriterionKind),
-        choices=list(CriterionKind),
-        default=CriterionKind.PRODUCT,
-        help="to minimise (35)",
-    )
-    result.add_argument(
-        "--columns",
-        type=one_of(ColumnSet),
-        choices=list(ColumnSet),
-        default=ColumnSet.BASE,
+    )  # fmt: skip
+    add("--terms", type=Path, metavar="FILE", help="with --settle, as it was given to diagnose")
+    add("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s]")
+    add("--harmonics", type=whole(1, MOST_HARMONICS), default=5, help="N of (32)")
+    add(
+        "--criterion", type=one_of(CriterionKind), choices=list(CriterionKind),
+        default=CriterionKind.PRODUCT, help="to minimise (35)",
+    )  # fmt: skip
+    add(
+        "--columns", type=one_of(ColumnSet), choices=list(ColumnSet), default=ColumnSet.BASE,
         help="that the criterion is of: all of the model, those of (9), or of rigid bodies alone",
-    )
-    result.add_argument(
-        "--count", type=whole(1), help="trajectories of a campaign; --out is then a new folder"
-    )
-    result.add_argument(
-        "--after", type=Path, nargs="+", default=[], help="trajectories already recorded"
-    )
-    result.add_argument(
-        "--acceleration",
-        type=_bound,
-        nargs="+",
-        default=[],
-        metavar="JOINT=VALUE",
+    )  # fmt: skip
+    add("--count", type=whole(1), help="trajectories of a campaign; --out is then a new folder")
+    add("--after", type=Path, nargs="+", default=[], help="trajectories already recorded")
+    add(
+        "--acceleration", type=_bound, nargs="+", default=[], metavar="JOINT=VALUE",
         help="bounds [rad/s2, m/s2]; none by default",
-    )
-    result.add_argument(
-        "--without",
-        type=one_of(Limit),
-        choices=list(Limit),
-        nargs="+",
-        default=[],
+    )  # fmt: skip
+    add(
+        "--without", type=one_of(Limit), choices=list(Limit), nargs="+", default=[],
         help="limits that do not count",
-    )
-    result.add_argument("--seed", type=whole(0), default=1, help="of the random starts")
-    result.add_argument("--starts", type=whole(1), default=16, help="local searches to run")
-    result.add_argument(
-        "--probe",
-        type=above(0.0, LARGEST),
-        metavar="COMMAND",
+    )  # fmt: skip
+    add("--seed", type=whole(0), default=1, help="of the random starts")
+    add("--starts", type=whole(1), default=16, help="local searches to run")
+    add(
+        "--probe", type=above(0.0, LARGEST_PROBE), metavar="COMMAND",
         help="add a pseudo-random command of this size, such as 0.02, on top of the motion: it "
         "tells how fast the valves are, in a recording of its own",
-    )
+    )  # fmt: skip
     add_machine(result)
-    result.add_argument("--model", type=Path, help="model file; default: the machine's")
-    result.add_argument("--settings", type=Path, help="of the search; default: the machine's")
-    result.add_argument("--clearance", type=Path, help="of the tip; default: the machine's")
-    result.add_argument("--out", type=Path, required=True, help="trajectory file to write (YAML)")
+    add("--model", type=Path, help="model file; default: the machine's")
+    add("--settings", type=Path, help="of the search; default: the machine's")
+    add("--clearance", type=Path, help="of the tip; default: the machine's")
+    add("--out", type=Path, required=True, help="trajectory file to write (YAML)")
     add_replace(result)
     return result
 
@@ -180,29 +186,35 @@ def _bound(text: str) -> tuple[str, float]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line of `ros2 run crane_trajectory design`."""
-    argv = list(sys.argv[1:] if argv is None else argv)
-    arguments = parser().parse_args(argv)
-    return run(lambda: _design(meant(arguments), argv))
+    words = list(sys.argv[1:] if argv is None else argv)
+    options = vars(parser().parse_args(words))
+    return run(lambda: _design(DesignRequest.of(options, words)))
 
 
-def _design(arguments: argparse.Namespace, argv: list[str]) -> None:
-    name = arguments.machine
-    if arguments.settle:
-        out = arguments.out
+def _design(request: DesignRequest) -> None:
+    out, machine = request.out, request.machine
+    if request.settle:
         files = out, *(out.with_suffix(suffix) for suffix in (".json", ".png"))
-        check_out(*files, replace=arguments.replace)
-        settle(arguments, f"Found by {_command(argv)}.")
+        check_out(*files, replace=request.replace)
+        settle(
+            SettleRequest(
+                request.settle, request.terms, machine, request.settings, request.clearance,
+                request.duration, request.load, request.seed, request.starts, out,
+                f"Found by {request.command}.",
+            )
+        )  # fmt: skip
         return
-    model = load_model(machine_file("model.yaml", name, arguments.model))
-    settings = _settings(machine_file("design.yaml", name, arguments.settings), model)
-    clearance = load_clearance(machine_file("clearance.yaml", name, arguments.clearance))
-    if arguments.sweeps or arguments.count is None:
-        check_out(arguments.out, arguments.out.with_suffix(".png"), replace=arguments.replace)
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    if arguments.sweeps:
-        _sweeps(arguments, argv, settings, model, clearance)
+    model = load_model(machine_file("model.yaml", machine, request.model))
+    settings = _settings(machine_file("design.yaml", machine, request.settings), model)
+    clearance = load_clearance(machine_file("clearance.yaml", machine, request.clearance))
+    if request.sweeps or request.count is None:
+        check_out(out, out.with_suffix(".png"), replace=request.replace)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if request.sweeps:
+        _sweeps(request, request.sweeps, settings, model, clearance)
     else:
-        _search(arguments, argv, settings, model, clearance)
+        assert request.period is not None  # else the parser would have refused
+        _search(request, request.period, settings, model, clearance)
 
 
 def _settings(path: Path, model: Model) -> DesignSettings:
@@ -216,117 +228,90 @@ def _settings(path: Path, model: Model) -> DesignSettings:
 
 
 def _sweeps(
-    arguments: argparse.Namespace,
-    argv: list[str],
+    request: DesignRequest,
+    shares: list[float],
     settings: DesignSettings,
     model: Model,
     clearance: Clearance,
 ) -> None:
-    machine = machine_of(model)
+    machine, out, picture = machine_of(model), request.out, request.out.with_suffix(".png")
     trajectory = design_sweeps(
-        machine,
-        model.joints,
-        clearance,
-        settings.margins,
-        arguments.sweeps,
-        arguments.dwell,
-        arguments.out.stem,
+        machine, model.joints, clearance, settings.margins, shares, request.dwell, out.stem
     )
-    update = {"provenance": f"Found by {_command(argv)}.", "probe": _probe(arguments)}
+    update = {"provenance": f"Found by {request.command}.", "probe": request.added}
     trajectory = trajectory.model_copy(update=update)
-    save(arguments.out, trajectory)
-    draw(arguments.out.with_suffix(".png"), machine, trajectory, clearance)
+    save(out, trajectory)
+    draw(picture, machine, trajectory, clearance)
     print(f"period {trajectory.period:.1f} s, in which {_moves(trajectory.period)}")
-    print(f"written: {arguments.out}, {arguments.out.with_suffix('.png')}")
+    print(f"written: {out}, {picture}")
 
 
 def _search(
-    arguments: argparse.Namespace,
-    argv: list[str],
+    request: DesignRequest,
+    period: float,
     settings: DesignSettings,
     model: Model,
     clearance: Clearance,
 ) -> None:
-    for joint, _ in arguments.acceleration:
+    for joint, _ in request.acceleration:
         if joint not in model.joints:
             raise ConfigurationError(
                 f"--acceleration: no joint {joint}; model '{model.name}' has "
                 f"{', '.join(model.joints)}"
             )
-    criterion = Criterion.of(
-        model,
-        arguments.criterion,
-        arguments.columns,
-        settings.experiment,
-        settings.plausible,
-    )
+    experiment, plausible = settings.experiment, settings.plausible
+    criterion = Criterion.of(model, request.criterion, request.columns, experiment, plausible)
     problem = ExcitationProblem(
         model,
         criterion,
-        arguments.period,
-        arguments.harmonics,
+        period,
+        request.harmonics,
         settings.search,
         settings.margins,
         clearance,
-        dict(arguments.acceleration),
-        frozenset(arguments.without),
+        dict(request.acceleration),
+        frozenset(request.without),
     )
     p = len(model.parameters)
     told = np.zeros((p, p))
-    for earlier in map(_fourier, arguments.after):
+    for earlier in map(_fourier, request.after):
         problem = after(problem, earlier)
         told += _information(model, earlier, settings)
-    files = _files(arguments)
-    total = len(files) * steps(problem, arguments.starts)
+    files = _files(request.out, request.count)
+    total = len(files) * steps(problem, request.starts)
     with (
-        workers(arguments.starts) as pool,
+        workers(request.starts) as pool,
         progress_bar("design", total) as bar,
     ):
         names = [file.stem for file in files]
-        found = campaign(problem, names, arguments.seed, arguments.starts, pool, bar.update)
+        found = campaign(problem, names, request.seed, request.starts, pool, bar.update)
         for file, candidate in zip(files, found, strict=True):
-            trajectory = candidate.trajectory
-            merit = figures_of_merit(
-                model, trajectory, settings.search.samples, settings.experiment, settings.plausible
-            )
+            trajectory, picture = candidate.trajectory, file.with_suffix(".png")
+            samples = settings.search.samples
+            merit = figures_of_merit(model, trajectory, samples, experiment, plausible)
             told += _information(model, trajectory, settings)
-            save(
-                file,
-                trajectory.model_copy(
-                    update={
-                        "figures_of_merit": {k: float(f"{v:.4g}") for k, v in merit.items()},
-                        "provenance": _provenance(argv, model, settings),
-                        "probe": _probe(arguments),
-                    }
-                ),
-            )
-            picture = file.with_suffix(".png")
+            update = {
+                "figures_of_merit": {k: float(f"{v:.4g}") for k, v in merit.items()},
+                "provenance": _provenance(request.command, model, settings),
+                "probe": request.added,
+            }
+            save(file, trajectory.model_copy(update=update))
             draw(picture, problem.machine, trajectory, clearance)
-            bar.write(_summary(merit, relative_std_devs(model, told, settings.plausible)))
+            bar.write(_summary(merit, relative_std_devs(model, told, plausible)))
             bar.write(f"written: {file}, {picture}")
-        periods, of_each = settings.experiment.periods, " of each" if len(files) > 1 else ""
-        recorded = f"{periods} periods{of_each}, {arguments.period:g} s long"
-        bar.write(f"in {recorded}, {_moves(periods * arguments.period)}")
+        periods, of_each = experiment.periods, " of each" if len(files) > 1 else ""
+        bar.write(f"in {periods} periods{of_each}, {period:g} s long, {_moves(periods * period)}")
 
 
-def _probe(arguments: argparse.Namespace) -> Probe | None:
-    return None if arguments.probe is None else Probe(amplitude=arguments.probe)
-
-
-def _files(arguments: argparse.Namespace) -> list[Path]:
-    if arguments.count is None:
-        return [arguments.out]
+def _files(out: Path, count: int | None) -> list[Path]:
+    if count is None:
+        return [out]
     try:
-        arguments.out.mkdir()
+        out.mkdir()
     except FileExistsError:
-        raise ConfigurationError(
-            f"{arguments.out}: exists; a campaign is written to a new folder"
-        ) from None
-    width = len(str(arguments.count))
-    return [
-        arguments.out / f"{arguments.out.name}_{i + 1:0{width}}.yaml"
-        for i in range(arguments.count)
-    ]
+        raise ConfigurationError(f"{out}: exists; a campaign is written to a new folder") from None
+    width = len(str(count))
+    return [out / f"{out.name}_{i + 1:0{width}}.yaml" for i in range(count)]
 
 
 def _fourier(path: Path) -> FourierTrajectory:
@@ -343,24 +328,18 @@ def _information(
     return information(model, regressor, trajectory.period, settings.experiment)
 
 
-def _provenance(argv: list[str], model: Model, settings: DesignSettings) -> str:
+def _provenance(command: str, model: Model, settings: DesignSettings) -> str:
     experiment = settings.experiment
     noise = ", ".join(f"{joint} {value:g}" for joint, value in experiment.noise.items())
     columns = ", ".join(parameter.name for parameter in model.parameters)
     return (
-        f"Found by {_command(argv)}. "
+        f"Found by {command}. "
         f"Condition numbers are those of {len(model.parameters)} columns in SI units, "
         f"{settings.search.samples} samples of a period, with the parameters {columns}; 'report' "
         "marks those with the columns of (9) instead of the first eight. "
         f"Standard deviations are predicted for {experiment.periods} periods at "
         f"{experiment.sample_rate:g} Hz and white force noise of {noise} [N m, N]."
     )
-
-
-def _command(argv: list[str]) -> str:
-    """The command, with files by name: where they lay says nothing elsewhere."""
-    words = [Path(word).name if "/" in word else word for word in argv]
-    return shlex.join(["ros2", "run", "crane_trajectory", "design", *words])
 
 
 def _summary(merit: dict[str, float], together: dict[str, float]) -> str:

@@ -1,4 +1,4 @@
-"""One experiment in real time: leads the crane through a motion and, whatever happens, to rest.
+"""One experiment in real time: moves the crane and brings it, whatever happens, to rest.
 
     LEADING   the reference runs; a controller, by default (36), follows it
     BRAKING   the reference runs down along its own path
@@ -18,19 +18,26 @@ from enum import Enum, IntEnum, auto
 import numpy as np
 
 from crane_model.errors import RangeError
-from crane_trajectory.control.interface import (
+from crane_trajectory.control.controller import (
+    Blend,
     ChamberPressures,
     ControlCondition,
     Controller,
     Point,
     SensorReading,
+    Tuning,
     Wanted,
-    in_words,
+    command,
+    gravest,
 )
-from crane_trajectory.control.pd_dead_zone import Blend, Tuning, command
 from crane_trajectory.motion.motion import Motion, Phase, ReferenceClock, Target
 
-# How far the crane was from its reference.
+NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see neutral commands
+SETTLED_FOR = 0.3  # s at rest, after which the crane is taken to be at rest
+LONGEST_SETTLING = 3.0  # s; a crane that still swings is held by its valves
+RELEASE_TIME_S = 0.2  # from full spool to neutral; commands that just stop, the driver ramps
+NEUTRAL_AFTER = 0.2  # s, in which the driver surely sees that commands end at neutral
+REST_TIME_S = 0.2  # without motion before an experiment
 
 
 class PeriodicError:
@@ -79,13 +86,6 @@ def beyond(error: np.ndarray, tolerance: np.ndarray, units: Mapping[str, str]) -
     )
 
 
-NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see neutral commands
-SETTLED_FOR = 0.3  # s at rest, after which the crane is taken to be at rest
-LONGEST_SETTLING = 3.0  # s; a crane that still swings is held by its valves
-RELEASE_TIME_S = 0.2  # from full spool to neutral; commands that just stop, the driver ramps
-NEUTRAL_AFTER = 0.2  # s, in which the driver surely sees that commands end at neutral
-
-
 class Outcome(IntEnum):
     """How an experiment has ended; numbers as in the result of RunExcitation."""
 
@@ -111,8 +111,23 @@ class Stage(Enum):
 
 
 class Experiment:
-    """`sample` is called with every joint state and `watch` regularly; what they return goes to
-    the valves. `now` is of the steady clock [s], stamps [s] of any clock of the driver's.
+    """Moves the crane and brings it to rest.
+
+    `sample` is called with every joint state and `watch` regularly; their commands go to the
+    valves.
+
+    Parameters
+    ----------
+    motion
+        The motion.
+    tuning
+        Gains of (36), largest command and tracking tolerance.
+    states_timeout
+        Silence of joint states after which the valves are released [s].
+    now
+        Time of the steady clock [s].
+    controller
+        Leads the crane; by default (36) with the gains of the tuning.
     """
 
     def __init__(
@@ -123,11 +138,11 @@ class Experiment:
         now: float,
         controller: Controller | None = None,
     ):
-        """`controller` leads the crane, by default (36) with the gains of the tuning."""
         self.motion = motion
         self.stage = Stage.LEADING
         self.outcome = Outcome.COMPLETED
-        self.message = "every period has been run and the crane is at rest"
+        run = "every period" if motion.run_up else "the motion"
+        self.message = f"{run} has been run and the crane is at rest"
         self.target: Target | None = None  # None while no reference is followed
         self._units = motion.machine.units
         self.tracking_error = np.zeros(len(self._units))  # (j,) rad, m: reference minus measured
@@ -168,7 +183,7 @@ class Experiment:
         """How its controller is doing, in words."""
         if self._controller is None:
             return ControlCondition.FOLLOWING.text
-        return in_words(self._controller.conditions, tuple(self._units))
+        return gravest(self._controller.conditions, tuple(self._units))
 
     @property
     def account(self) -> str:
@@ -208,9 +223,23 @@ class Experiment:
         now: float,
         pressures: ChamberPressures | None = None,
     ) -> np.ndarray | None:
-        """The command (j,) that answers a joint state (j,), (j,) [SI]; None when it is over.
+        """Answer a joint state.
 
-        `pressures` are the newest, None where there are none.
+        Parameters
+        ----------
+        stamp
+            Stamp of the joint state, of any clock of the driver's [s].
+        position, velocity
+            Joint state (j,) [SI].
+        now
+            Time of the steady clock [s].
+        pressures
+            The newest pressures; None if there are none.
+
+        Returns
+        -------
+        numpy.ndarray or None
+            Valve commands (j,) [-1..1]; None when the experiment is over.
         """
         dt = stamp - self._stamp if self._stamp is not None else 0.0
         self._stamp, self._heard = stamp, now
@@ -262,10 +291,10 @@ class Experiment:
                 tuning.saturation,
             )
             conditions = self._controller.conditions
-            if any(one.stops for one in conditions):
+            if any(condition.stops for condition in conditions):
                 unknown = ControlCondition.NOT_MEASURED in conditions
                 why = Outcome.STATES_LOST if unknown else Outcome.TRACKING_LOST
-                self.release(why, in_words(conditions, tuple(self._units)), now)
+                self.release(why, gravest(conditions, tuple(self._units)), now)
                 return self._ramp(now)
             self._note(conditions)
         self.tracking_error = target.position - position
@@ -283,10 +312,10 @@ class Experiment:
         return self._command
 
     def _note(self, conditions: tuple[ControlCondition, ...]) -> None:
-        for one in set(conditions) - self._noted.keys():
-            if one > ControlCondition.FOLLOWING:
-                joint = tuple(self._units)[conditions.index(one)]
-                self._noted[one] = f"{joint} at {self.elapsed:.1f} s: {one.text}"
+        for condition in set(conditions) - self._noted.keys():
+            if condition > ControlCondition.FOLLOWING:
+                joint = tuple(self._units)[conditions.index(condition)]
+                self._noted[condition] = f"{joint} at {self.elapsed:.1f} s: {condition.text}"
 
     def _controlled(
         self,
@@ -348,14 +377,9 @@ def at_rest(velocity: np.ndarray, tuning: Tuning) -> bool:
     return bool((np.abs(velocity) < tuning.gains.standstill_speed).all())
 
 
-# What is known of the crane, and what of it is in the way of an experiment.
-
-REST_TIME_S = 0.2  # without motion before an experiment
-
-
 class Readiness:
-    """Joint states as they come. Pure: it knows no ROS and reads no clock; `now` is of the steady
-    clock [s].
+    """What is known of the crane, and what of it is in the way of an experiment. Pure: it knows no
+    ROS and reads no clock; `now` is of the steady clock [s].
     """
 
     def __init__(self) -> None:
@@ -390,10 +414,10 @@ class Readiness:
         half their tolerance; empty if there is none.
         """
         assert self.position is not None
-        way, most = np.abs(self.position - start), tuning.tolerance / 2
+        moved, most = np.abs(self.position - start), tuning.tolerance / 2
         return "; ".join(
-            f"{joint}: moved by {way[i]:.4g} {unit} while its motion was planned, half the "
+            f"{joint}: moved by {moved[i]:.4g} {unit} while its motion was planned, half the "
             f"tolerance is {most[i]:.4g} {unit}"
             for i, (joint, unit) in enumerate(units.items())
-            if way[i] > most[i]
+            if moved[i] > most[i]
         )

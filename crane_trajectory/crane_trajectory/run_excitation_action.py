@@ -1,27 +1,34 @@
-"""The action run_excitation: what becomes of a goal, from its request to its result."""
+"""What the crane is asked to do, by the action run_excitation or by joint trajectories on a topic:
+from the request to its result.
+"""
 
 import time
 import traceback
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future as Result
-from functools import partial
 from threading import Thread
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectory
 
 from crane_interfaces.action import RunExcitation
 from crane_model.errors import ConfigurationError, CraneError
 from crane_nodes.node_time import NodeTime
-from crane_nodes.scheduling import PATIENCE_S, give_way
+from crane_nodes.this_computer import PATIENCE_S, give_way
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.motion import Motion
 from crane_trajectory.motion.periodic import PeriodicTrajectory
-from crane_trajectory.trajectory_topics import feedback_message, result_message
+from crane_trajectory.trajectory_topics import (
+    feedback_message,
+    points_trajectory,
+    result_message,
+)
 
 ACTION = "run_excitation"
 FEEDBACK = 0.1  # s
@@ -63,7 +70,7 @@ def bounded(message: str) -> str:
 
 
 class Leader(Protocol):
-    """Who leads the crane."""
+    """Who controls the crane."""
 
     @property
     def active(self) -> bool:
@@ -75,6 +82,10 @@ class Leader(Protocol):
 
     def lacking(self) -> str:
         """What is in the way of an experiment; empty if nothing is."""
+
+    @property
+    def position(self) -> Mapping[str, float]:
+        """Where the joints are [rad, m]; empty before the first joint state."""
 
     def read(self, trajectory: str) -> PeriodicTrajectory:
         """What a goal names, in any thread; `ConfigurationError` if it is wrong."""
@@ -88,14 +99,38 @@ class Leader(Protocol):
         """Be the one who commands the valves."""
 
     def lead(self, motion: Motion) -> Experiment:
-        """Begin to lead the crane; `NotReadyError` if it is not where the motion starts."""
+        """Begin to move the crane; `NotReadyError` if it is not where the motion starts."""
 
     def end(self) -> None:
         """The experiment has ended, or has not begun."""
 
 
+class MotionRequest(Protocol):
+    """What the crane is asked to do, and who asks."""
+
+    periods: int
+
+    def read(self) -> PeriodicTrajectory:
+        """The trajectory, in any thread; `ConfigurationError` if it is wrong."""
+
+    @property
+    def canceled(self) -> str:
+        """Why the crane is to come to rest; empty if it is not."""
+
+    def feedback(self, experiment: Experiment) -> None:
+        """Tell how far it has come."""
+
+
+class Ended(NamedTuple):
+    """How a request ended, with the RMS tracking error (j,) over whole periods, if any."""
+
+    outcome: Outcome
+    message: str
+    rms: np.ndarray | None = None
+
+
 class Goals:
-    """Goals come one at a time; `last` tells how the last one has ended."""
+    """Requests are carried out one at a time; `last` tells how the last one has ended."""
 
     def __init__(self, node: Node, clock: NodeTime, leader: Leader, units: Mapping[str, str]):
         """`units` of the joints of the machine, from the base to the tip: rad or m."""
@@ -113,58 +148,75 @@ class Goals:
         )
 
     async def _execute(self, goal: ServerGoalHandle) -> RunExcitation.Result:
+        ended = await self.carry_out(_ActionGoal(goal, self._leader))
+        if ended.outcome is Outcome.COMPLETED:
+            goal.succeed()
+        elif ended.outcome is Outcome.CANCELED:
+            goal.canceled()
+        else:
+            goal.abort()
+        return result_message(ended.outcome, ended.message, self._units, ended.rms)
+
+    async def carry_out(self, request: MotionRequest) -> Ended:
+        """Lead the crane as it is asked, if nothing is in the way."""
+        ended = await self._carried_out(request)
+        ended = ended._replace(message=bounded(ended.message))
+        self.last = f"{ended.outcome.name}: {ended.message}"
+        self._log.info(self.last)
+        return ended
+
+    async def _carried_out(self, request: MotionRequest) -> Ended:
         if self._busy:
-            return self._ended(goal, Outcome.NOT_READY, "another goal runs; cancel it first")
+            return Ended(Outcome.NOT_READY, "another goal runs; cancel it first")
         self._busy = True
         try:
-            return await self._run(goal)
+            return await self._run(request)
         except CanceledError as error:
-            return self._ended(goal, Outcome.CANCELED, str(error))
+            return Ended(Outcome.CANCELED, str(error))
         except NotReadyError as error:
-            return self._ended(goal, Outcome.NOT_READY, str(error))
+            return Ended(Outcome.NOT_READY, str(error))
         except UnexpectedError as error:
-            return self._ended(goal, Outcome.FAILED, str(error))
+            return Ended(Outcome.FAILED, str(error))
         except CraneError as error:
-            return self._ended(goal, Outcome.TRAJECTORY_REFUSED, str(error))
+            return Ended(Outcome.TRAJECTORY_REFUSED, str(error))
         except Exception as error:
-            return self._ended(goal, Outcome.FAILED, self._told(error))
+            return Ended(Outcome.FAILED, self._told(error))
         finally:
             self._leader.end()
             self._busy = False
 
-    async def _run(self, goal: ServerGoalHandle) -> RunExcitation.Result:
-        if goal.request.periods < 1:
+    async def _run(self, request: MotionRequest) -> Ended:
+        if request.periods < 1:
             raise ConfigurationError("periods: must be at least 1, got 0")
-        trajectory = await self._aside(goal, partial(self._leader.read, goal.request.trajectory))
-        await self._ready(goal)
-        planner = self._leader.planner(trajectory, goal.request.periods)
-        motion = await self._aside(goal, planner)
+        trajectory = await self._aside(request, request.read)
+        await self._ready(request)
+        planner = self._leader.planner(trajectory, request.periods)
+        motion = await self._aside(request, planner)
         self._leader.open_valves()
-        await self._ready(goal)
-        self._log.info(
-            f"{trajectory.name}: {motion.periods} periods, {motion.duration:.1f} s from now to rest"
-        )
+        await self._ready(request)
+        periods = f"{motion.periods} periods, " if motion.run_up else ""
+        self._log.info(f"{trajectory.name}: {periods}{motion.duration:.1f} s from now to rest")
         experiment = self._leader.lead(motion)
         told = -np.inf
         while not experiment.over:
             await self._leader.next_watch
             real = time.monotonic()
             try:
-                if goal.is_cancel_requested:
-                    experiment.stop(Outcome.CANCELED, "canceled, the crane is at rest")
+                if why := request.canceled:
+                    experiment.stop(Outcome.CANCELED, f"{why}, the crane is at rest")
                 if real - told >= FEEDBACK:
                     told = real
-                    goal.publish_feedback(feedback_message(experiment))
+                    request.feedback(experiment)
             except Exception as error:
                 experiment.release(Outcome.FAILED, self._told(error), self._clock.now())
-        return self._ended(goal, experiment.outcome, experiment.account, experiment.rms)
+        return Ended(experiment.outcome, experiment.account, experiment.rms)
 
     def _told(self, error: Exception) -> str:
         """A defect in words, when the log has been told where it is."""
         self._log.error(traceback.format_exc())
         return defect(error)
 
-    async def _aside(self, goal: ServerGoalHandle, work: Callable[[], Made]) -> Made:
+    async def _aside(self, request: MotionRequest, work: Callable[[], Made]) -> Made:
         """What `work` returns, while the executor does all the rest; `CanceledError` if canceled.
 
         The thread is left to itself then: a file may be on a disk that does not answer.
@@ -182,39 +234,97 @@ class Goals:
 
         Thread(target=run, daemon=True).start()
         while not result.done():
-            await self._next_watch(goal)
+            await self._next_watch(request)
         return result.result()
 
-    async def _ready(self, goal: ServerGoalHandle) -> None:
+    async def _ready(self, request: MotionRequest) -> None:
         """Wait until nothing is lacking; `NotReadyError` if it takes long, `CanceledError`."""
         begun, really = self._clock.now(), time.monotonic()
         while lack := self._leader.lacking():
             waited = self._clock.now() - begun > READINESS_TIMEOUT_S
             if waited or time.monotonic() - really > PATIENCE_S or not self._leader.active:
                 raise NotReadyError(f"not ready: {lack}; nothing has moved")
-            await self._next_watch(goal)
+            await self._next_watch(request)
 
-    async def _next_watch(self, goal: ServerGoalHandle) -> None:
+    async def _next_watch(self, request: MotionRequest) -> None:
         """For as long as nothing moves."""
-        if goal.is_cancel_requested:
-            raise CanceledError("canceled, nothing has moved")
+        if why := request.canceled:
+            raise CanceledError(f"{why}, nothing has moved")
         await self._leader.next_watch
 
-    def _ended(
-        self,
-        goal: ServerGoalHandle,
-        outcome: Outcome,
-        message: str,
-        rms: np.ndarray | None = None,
-    ) -> RunExcitation.Result:
-        message = bounded(message)
-        result = result_message(outcome, message, self._units, rms)
-        self.last = f"{outcome.name}: {message}"
-        self._log.info(self.last)
-        if outcome is Outcome.COMPLETED:
-            goal.succeed()
-        elif outcome is Outcome.CANCELED:
-            goal.canceled()
+
+class _ActionGoal:
+    """A goal of the action run_excitation."""
+
+    def __init__(self, goal: ServerGoalHandle, leader: Leader):
+        self._goal, self._leader = goal, leader
+        self.periods: int = goal.request.periods
+
+    def read(self) -> PeriodicTrajectory:
+        """The trajectory of the file that the goal names."""
+        return self._leader.read(self._goal.request.trajectory)
+
+    @property
+    def canceled(self) -> str:
+        """Whether the client has canceled it."""
+        return "canceled" if self._goal.is_cancel_requested else ""
+
+    def feedback(self, experiment: Experiment) -> None:
+        """Publish where the experiment is."""
+        self._goal.publish_feedback(feedback_message(experiment))
+
+
+class JointTrajectories:
+    """The topic `~/joint_trajectory`: each message is a motion, an empty one ends it.
+
+    If its sender leaves the graph, the crane comes to rest along its path.
+    """
+
+    periods = 1
+
+    def __init__(self, node: Node, clock: NodeTime, goals: Goals, leader: Leader):
+        self._node, self._clock, self._goals, self._leader = node, clock, goals, leader
+        self._message = JointTrajectory()
+        self._running = self._ended = False
+        self._topic = node.create_subscription(
+            JointTrajectory,
+            "~/joint_trajectory",
+            self._take,  # type: ignore[arg-type]  # the executor goes on with coroutines
+            QoSProfile(depth=10),
+        )
+        self._name = self._topic.topic_name
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._node.destroy_subscription(self._topic)
+
+    async def _take(self, message: JointTrajectory) -> None:
+        if not message.points:
+            self._ended = True
+        elif self._running:
+            self._node.get_logger().warning("joint trajectory refused: another one runs; end it")
         else:
-            goal.abort()
-        return result
+            self._message, self._running, self._ended = message, True, False
+            try:
+                await self._goals.carry_out(self)
+            finally:
+                self._running = False
+
+    def read(self) -> PeriodicTrajectory:
+        """The motion of the message, from where the crane is now."""
+        position = self._leader.position
+        if not position:
+            raise NotReadyError("not ready: no joint state has come; nothing has moved")
+        return points_trajectory(self._message, position, self._clock.stamp())
+
+    @property
+    def canceled(self) -> str:
+        """Whether an empty message has come, or nobody is there any more."""
+        if self._ended:
+            return "ended by an empty trajectory"
+        if not self._node.count_publishers(self._name):
+            return "its sender is gone"
+        return ""
+
+    def feedback(self, experiment: Experiment) -> None:
+        """The topics joint_reference and /diagnostics tell it."""

@@ -3,32 +3,35 @@
 HAZARD: the crane moves by itself. Ctrl-C brings it to rest; software is no safety stop.
 """
 
-import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 from tqdm import tqdm
 
 from crane_interfaces.action import RunExcitation
 from crane_model.cli import INTERRUPTED, add_replace, check_out, command_line, run, whole
 from crane_model.errors import CraneError
+from crane_model.machine import Machine
 from crane_model.progress_bar import BAR, progress_bar
 from crane_model.result_file import NumberByJoint, ResultFile
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.managed import Stop, own_arguments, ros, say_ready
-from crane_nodes.scheduling import PATIENCE_S
+from crane_nodes.this_computer import PATIENCE_S
 from crane_trajectory.experiment import Outcome
 from crane_trajectory.motion.motion import Phase
 from crane_trajectory.run_excitation_action import ACTION
+from crane_trajectory.trajectory_topics import sample
 
 MOST_PERIODS = 2**32 - 1  # that the goal can hold
 ELAPSED = "{desc}" + BAR + " {n:.0f} of {total:.0f} s{postfix}"
@@ -57,8 +60,8 @@ class ExcitationResult(ResultFile):
 class RunExcitationClient(Node):
     """Asks for one experiment, and waits for its end whatever happens."""
 
-    def __init__(self, stop: Stop):
-        super().__init__("run_excitation")
+    def __init__(self, stop: Stop, name: str = "run_excitation"):
+        super().__init__(name)
         self._stop = stop
         self._worker = KeptExecutor()
         self._worker.add_node(self)
@@ -75,6 +78,18 @@ class RunExcitationClient(Node):
             yield
         finally:
             self._accepted(self._driver.disable())
+
+    def position(self, machine: Machine) -> np.ndarray:
+        """(j,) where the joints are now [rad, m]; `ExcitationError` if no joint state comes."""
+        found: list[np.ndarray] = []
+
+        def take(message: JointState) -> None:
+            found.append(sample(message, machine.joint_names).position)
+
+        subscription = self.create_subscription(JointState, "joint_states", take, 1)
+        self._await(lambda: bool(found), lambda: "no joint states come; start the driver")
+        self.destroy_subscription(subscription)
+        return found[-1]
 
     def run(self, trajectory: Path, periods: int) -> RunExcitation.Result:
         """The result of the goal; a signal cancels it, and it is waited for all the same."""
@@ -144,32 +159,53 @@ def name_for_node(trajectory: Path) -> str:
     return str(trajectory if bare else trajectory.absolute())
 
 
+class RunRequest(NamedTuple):
+    """What is asked of `run_excitation`."""
+
+    trajectory: Path
+    periods: int
+    enable: bool
+    result: Path | None
+    replace: bool
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run an excitation trajectory on the crane; exit status 0 if it was completed."""
     argv = sys.argv if argv is None else ["run_excitation", *argv]
-    options = _parser().parse_args(own_arguments(argv[1:]))
+    request = _request(own_arguments(argv[1:]))
     interrupted = False
 
     def body() -> None:
         nonlocal interrupted
-        if options.result:
-            check_out(options.result, replace=options.replace)
+        if request.result:
+            check_out(request.result, replace=request.replace)
         with ros(argv) as stop:
-            result = _run(options, RunExcitationClient(stop))
+            client = RunExcitationClient(stop)
+            with client.enabled() if request.enable else nullcontext():
+                result = client.run(request.trajectory, request.periods)
             interrupted = stop.requested
-        if options.result:
-            _write(options.result, result)
-        _tell(result)
+        if request.result:
+            _write(request.result, result)
+        tell(result)
 
     status = run(body)
     return INTERRUPTED if interrupted and status else status
 
 
-def _run(options: argparse.Namespace, client: RunExcitationClient) -> RunExcitation.Result:
-    if not options.enable:
-        return client.run(options.trajectory, options.periods)
-    with client.enabled():
-        return client.run(options.trajectory, options.periods)
+def _request(argv: Sequence[str]) -> RunRequest:
+    parser = command_line(prog="run_excitation", description=main.__doc__)
+    add = parser.add_argument
+    add(
+        "--trajectory",
+        type=Path,
+        required=True,
+        help="file, where the trajectory node runs; a bare name: that of its machine",
+    )
+    add("--periods", type=whole(1, MOST_PERIODS), required=True, help="whole periods to run")
+    add("--enable", action="store_true", help="enable the driver before, and disable it after")
+    add("--result", type=Path, metavar="FILE", help="write the result of the action, as JSON")
+    add_replace(parser)
+    return RunRequest(**vars(parser.parse_args(argv)))
 
 
 def _write(file: Path, result: RunExcitation.Result) -> None:
@@ -180,7 +216,7 @@ def _write(file: Path, result: RunExcitation.Result) -> None:
     ).write(file)
 
 
-def _tell(result: RunExcitation.Result) -> None:
+def tell(result: RunExcitation.Result) -> None:
     """Print the result; `ExcitationError` unless it was completed."""
     for joint, unit, error in zip(result.name, result.unit, result.rms_tracking_error, strict=True):
         print(f"RMS tracking error, {joint}: {error:.4g} {unit}")
@@ -188,24 +224,3 @@ def _tell(result: RunExcitation.Result) -> None:
     if outcome is not Outcome.COMPLETED:
         raise ExcitationError(f"{outcome.name}: {result.message}")
     print(f"{outcome.name}: {result.message}")
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = command_line(prog="run_excitation", description=main.__doc__)
-    parser.add_argument(
-        "--trajectory",
-        type=Path,
-        required=True,
-        help="file, where the trajectory node runs; a bare name: that of its machine",
-    )
-    parser.add_argument(
-        "--periods", type=whole(1, MOST_PERIODS), required=True, help="whole periods to run"
-    )
-    parser.add_argument(
-        "--enable", action="store_true", help="enable the driver before, and disable it after"
-    )
-    parser.add_argument(
-        "--result", type=Path, metavar="FILE", help="write the result of the action there, as JSON"
-    )
-    add_replace(parser)
-    return parser

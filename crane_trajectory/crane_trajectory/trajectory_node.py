@@ -1,4 +1,4 @@
-"""`ros2 run crane_trajectory trajectory`: leads the crane through an excitation trajectory.
+"""`ros2 run crane_trajectory trajectory`: moves the crane along an excitation trajectory.
 
 Every joint state that arrives is answered at once by a reference and a valve command: so the
 driver paces the loop, at the rate of its encoders, and no time is lost between the two. A timer of
@@ -28,36 +28,41 @@ from crane_interfaces.msg import DriverState, JointReference
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverWatch
-from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
-from crane_nodes.managed import AUTOSTART, run_managed, say_ready
-from crane_nodes.names import full_name
+from crane_nodes.managed import AUTOSTART, full_name, run_managed, say_ready
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import declare, hold
-from crane_nodes.scheduling import RealTime, RealTimeSettings
-from crane_trajectory.control.pd_dead_zone import Tuning, compile_command
+from crane_nodes.parameters import MACHINE, declare, declare_machine, hold, read_machine_again
+from crane_nodes.this_computer import RealTime, RealTimeSettings
+from crane_trajectory.control.controller import Tuning, compile_command
 from crane_trajectory.experiment import Experiment, Outcome, Readiness
 from crane_trajectory.motion.check import Clearance, load_clearance
 from crane_trajectory.motion.motion import Motion, compile_reference, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory, read_apart
-from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError, defect
-from crane_trajectory.trajectory_parameters import (
+from crane_trajectory.run_excitation_action import (
+    ACTION,
+    Goals,
+    JointTrajectories,
+    NotReadyError,
+    defect,
+)
+from crane_trajectory.trajectory_topics import (
     CLEARANCE,
     FIXED,
     LEARNT_OUTPUT,
     PRIORITY,
     STATES_TIMEOUT,
-    TuningParameters,
-    parameters_of,
-)
-from crane_trajectory.trajectory_topics import (
     Leading,
+    TuningParameters,
     Valves,
+    parameters_of,
     reference_message,
     sample,
     several_sources,
 )
 
-# What /diagnostics says of the trajectory node.
+WATCH_PERIOD_S = 0.01
+REPORT_PERIOD_S = 1.0
+POLL_PERIOD_S = 0.001
+STATES_DEPTH, REPORT_DEPTH = 1, 10  # messages
 
 
 def condition(
@@ -69,7 +74,8 @@ def condition(
     led: Mapping[str, str],
     stamp: Time,
 ) -> DiagnosticArray:
-    """State, phase and tracking error; `last` is how the last experiment has ended.
+    """What /diagnostics says: state, phase and tracking error; `last` is how the last experiment
+    has ended.
 
     `led` is what the controller is led by and has learnt, in words.
     """
@@ -97,14 +103,8 @@ def condition(
     return message
 
 
-WATCH_PERIOD_S = 0.01
-REPORT_PERIOD_S = 1.0
-POLL_PERIOD_S = 0.001
-NEWEST, DEPTH = 1, 10  # messages
-
-
 class Trajectory(LifecycleNode):
-    """Leads the crane as the goals of run_excitation ask; all in the thread of the executor."""
+    """Moves the crane as the goals of run_excitation ask; all in the thread of the executor."""
 
     def __init__(self) -> None:
         super().__init__("trajectory")
@@ -128,19 +128,20 @@ class Trajectory(LifecycleNode):
         self._references = self.create_publisher(
             JointReference, "joint_reference", self._time.depth
         )
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", REPORT_DEPTH)
         self._driver = DriverWatch(self)
         self.create_service(Trigger, "~/save_learnt", self._save_learnt)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
         self.create_timer(REPORT_PERIOD_S, self._report, clock=steady)
         self._goals = Goals(self, self._time, leader=self, units=self._machine.units)
+        self._asked: JointTrajectories | None = None
 
     # life cycle
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files."""
         try:
-            self._machine = read_again(self, self._machine)
+            self._machine = read_machine_again(self, self._machine)
             self._tuning_parameters.read_file(self._machine)
             self._tuning = self._tuning_parameters.read()
             self._leading.configure(self._machine, self._tuning.gains)
@@ -164,7 +165,10 @@ class Trajectory(LifecycleNode):
             self.get_logger().warning(f"real time: no {refused}")
         self._ready.forget_states()
         self._leading.listen()
-        self._states = self.create_subscription(JointState, "joint_states", self._state, NEWEST)
+        self._states = self.create_subscription(
+            JointState, "joint_states", self._state, STATES_DEPTH
+        )
+        self._asked = JointTrajectories(self, self._time, self._goals, leader=self)
         self._lifecycle = "active"
         say_ready(self, ACTION)
         return super().on_activate(state)
@@ -210,6 +214,9 @@ class Trajectory(LifecycleNode):
         if self._states is not None:
             self.destroy_subscription(self._states)
             self._states = None
+        if self._asked is not None:
+            self._asked.close()
+            self._asked = None
         self._leading.silence()
 
     # control
@@ -248,7 +255,7 @@ class Trajectory(LifecycleNode):
 
     @contextmanager
     def _failing_softly(self, experiment: Experiment, now: float) -> Iterator[None]:
-        """A defect within the `with` block ends the experiment, not the node that leads it."""
+        """A defect within the `with` block ends the experiment, not the node."""
         try:
             yield
         except Exception as error:
@@ -279,6 +286,14 @@ class Trajectory(LifecycleNode):
             or self._valves.unheard
         )
 
+    @property
+    def position(self) -> Mapping[str, float]:
+        """Where the joints are [rad, m]; empty before the first joint state."""
+        newest = self._ready.position
+        if newest is None:
+            return {}
+        return dict(zip(self._machine.joint_names, newest.tolist(), strict=True))
+
     def read(self, trajectory: str) -> PeriodicTrajectory:
         """The trajectory of a path, or that of the machine which has the name."""
         try:
@@ -298,7 +313,7 @@ class Trajectory(LifecycleNode):
         self._valves.open()
 
     def lead(self, motion: Motion) -> Experiment:
-        """Begin to lead the crane; `NotReadyError` if it is not where the motion starts."""
+        """Begin to move the crane; `NotReadyError` if it is not where the motion starts."""
         assert self._tuning
         if moved := self._ready.moved_from(motion.start, self._tuning, self._machine.units):
             raise NotReadyError(f"not ready: {moved}; send the goal again")
@@ -346,10 +361,10 @@ class Trajectory(LifecycleNode):
         return response
 
 
-ABOUT = """Leads the crane through excitation trajectories, as goals of the action
+ABOUT = """Moves the crane along excitation trajectories, as goals of the action
 run_excitation ask. Software is no safety stop."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Lead the crane through excitation trajectories, as goals of RunExcitation ask."""
+    """Move the crane along excitation trajectories, as goals of RunExcitation ask."""
     return run_managed("trajectory", Trajectory, ABOUT, parameters_of(), argv)

@@ -1,48 +1,252 @@
-"""The topics of the trajectory node: joint states, references, valve commands, pressures, load."""
+"""The parameters and topics of the trajectory node: who controls the crane, and by what."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import CylinderPressures, JointReference, TipLoad, ValveCommand
-from crane_model.errors import ConfigurationError, DataError
-from crane_model.machine import Machine
+from crane_model.configuration import bounds, validate
+from crane_model.errors import ConfigurationError, CraneError, DataError
+from crane_model.machine import Machine, load_machine
+from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_model.model_file import Model, load_model, save_model
-from crane_nodes.names import full_name, publishers
+from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.managed import AUTOSTART, full_name, publishers
 from crane_nodes.node_time import NodeTime, nanoseconds
-from crane_trajectory.control.choice import PD_DEAD_ZONE, controller, learning, led_by_model
-from crane_trajectory.control.interface import (
+from crane_nodes.parameters import MACHINE, NodeParameter, Number, Switch, Text, declare, given
+from crane_trajectory.control.choice import (
+    MAY_LEARN,
+    NAMES,
+    PD_DEAD_ZONE,
+    Learning,
+    controller,
+    in_words,
+    learning,
+    learnt_hydraulics,
+    led_by_model,
+)
+from crane_trajectory.control.controller import (
     ChamberPressures,
     Controller,
+    GainArrays,
+    Gains,
+    JointGains,
     Point,
     SensorReading,
+    Tuning,
     Wanted,
+    load_gains,
 )
-from crane_trajectory.control.learning import Learning, in_words, learnt_hydraulics
-from crane_trajectory.control.load import FedLoad, ToldLoad
-from crane_trajectory.control.pd_dead_zone import GainArrays, Tuning
+from crane_trajectory.control.flow_feedforward import FedLoad, ToldLoad
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.motion import Phase, Target
 from crane_trajectory.motion.periodic import PeriodicTrajectory
-from crane_trajectory.trajectory_parameters import (
-    FEEDBACK_SCALE,
-    LARGEST_TIP_LOAD,
-    LAW,
-    LEARNING,
-    MODEL,
-)
+from crane_trajectory.motion.points import PointsTrajectory
 
-# Joint states as arrays; references, commands and results as messages.
+TOPIC = "valve_command"
+OLDEST_PRESSURES = 0.05  # s, of those that are shown; older ones are lost
+NEWEST = QoSProfile(depth=1)
+DERIVATIVES = {"position": "positions", "velocity": "velocities", "acceleration": "accelerations"}
+CONTROLLER_FILE = "controller.yaml"
+GAIN_MEANINGS = {  # unit with U for that of the joint, meaning
+    "kp": ("1/U", "Command per position error"),
+    "kd": ("s/U", "Command per velocity error"),
+    "dead_zone_positive": ("-", "F_f: command at which the valve opens upwards"),
+    "dead_zone_negative": ("-", "F_f: command at which the valve opens downwards"),
+    "standstill_speed": ("U/s", "Speed below which its sign is not trusted"),
+    "position_tolerance": ("U", "Error that a crane at rest is left with"),
+}
+LIVE = ". Changeable while running"
+
+CLEARANCE = Text(
+    "clearance", "",
+    "File of the room that the boom tip keeps; empty: clearance.yaml of the machine. At configure",
+)  # fmt: skip
+CONTROLLER = Text(
+    "controller", "",
+    "File of the gains, for each that is not given by itself; empty: controller.yaml of the "
+    "machine. At configure",
+)  # fmt: skip
+LAW = Text("law", PD_DEAD_ZONE, f"How the crane is controlled: {', '.join(NAMES)}. At configure")
+MODEL = Text(
+    "model", "",
+    "Model file with the identified hydraulics of the machine, for every law but "
+    f"{PD_DEAD_ZONE}. At configure",
+)  # fmt: skip
+FEEDBACK_SCALE = Number(
+    "feedback_scale", 1.0, "-", 0.05, 2.0,
+    f"Of the gains of every law but {PD_DEAD_ZONE}; tune says what the crane tolerates. "
+    "At configure",
+)  # fmt: skip
+LEARNING = Switch(
+    "learning", False,
+    f"Learn a periodic motion from period to period, where law is {' or '.join(MAY_LEARN)}. "
+    "At configure",
+)  # fmt: skip
+LARGEST_TIP_LOAD = Number(
+    "largest_tip_load", 0.0, "kg", 0.0, 1e5,
+    "Heaviest load of tip_load, as payload_estimator tells it, that every law but "
+    f"{PD_DEAD_ZONE} controls the crane with; 0: tip_load is not listened to. At configure",
+)  # fmt: skip
+LEARNT_OUTPUT = Text(
+    "learnt_output", "learnt_model.yaml", "Model file that ~/save_learnt writes, replacing it"
+)
+STATES_TIMEOUT = Number(
+    "states_timeout", 0.06, "s", 0.01, 1.0,
+    "Silence of joint_states after which the crane is brought to rest. At configure",
+)  # fmt: skip
+PRIORITY = Number(
+    "realtime.priority", 0, "-", 0, 99,
+    "Real-time priority (SCHED_FIFO) while the node is active, if the system permits it; 0: none. "
+    "At configure",
+    whole=True,
+)  # fmt: skip
+SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest valve command{LIVE}")
+FIXED = (
+    AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, FEEDBACK_SCALE, LARGEST_TIP_LOAD, LEARNING,
+    STATES_TIMEOUT, PRIORITY,
+)  # fmt: skip
+
+
+def _gain(joint: str, unit: str, field: str, default: float) -> Number:
+    written, meaning = GAIN_MEANINGS[field]
+    unit, limits = written.replace("U", unit), bounds(JointGains, field)
+    return Number(f"gains.{joint}.{field}", default, unit, *limits, f"{meaning}{LIVE}")
+
+
+def _tolerance(joint: str, unit: str, default: float) -> Number:
+    return Number(
+        f"tracking_tolerance.{joint}", default, unit, 1e-4, 2.0,
+        "Distance from the reference at which the crane is brought to rest; a tenth of it where "
+        f"the model controls the joint{LIVE}",
+    )  # fmt: skip
+
+
+class TuningNumbers(NamedTuple):
+    """The parameters that may be changed while the crane moves: of each joint, and `SATURATION`."""
+
+    gains: Mapping[str, Mapping[str, Number]]
+    tolerances: Mapping[str, Number]
+
+    @classmethod
+    def of(cls, machine: Machine, name: str) -> "TuningNumbers":
+        """Those of the machine called `name`, with what its files say as defaults."""
+        units = machine.units
+        notes = load_joint_notes(machine_file("joints.yaml", name), units)
+        gains = load_gains(machine_file(CONTROLLER_FILE, name), machine).model_dump()
+        return cls(
+            {
+                joint: {name: _gain(joint, units[joint], name, gain) for name, gain in of.items()}
+                for joint, of in gains.items()
+            },
+            {
+                joint: _tolerance(joint, units[joint], note.tracking_tolerance)
+                for joint, note in notes.items()
+            },
+        )
+
+    @property
+    def single_gains(self) -> tuple[Number, ...]:
+        """Every gain of every joint."""
+        return tuple(gain for fields in self.gains.values() for gain in fields.values())
+
+    @property
+    def all(self) -> tuple[Number, ...]:
+        """All that may be changed."""
+        return (SATURATION, *self.tolerances.values(), *self.single_gains)
+
+    def values_of(self, gains: Gains) -> dict[str, float]:
+        """The gains by the names of their parameters."""
+        return {
+            self.gains[joint][field].name: value
+            for joint, fields in gains.model_dump().items()
+            for field, value in fields.items()
+        }
+
+    def tuning(self, values: Mapping[str, Any]) -> Tuning:
+        """What `values` by name give; `ConfigurationError` says which is wrong, and why."""
+        gains = {
+            joint: {field: number.check(values[number.name]) for field, number in fields.items()}
+            for joint, fields in self.gains.items()
+        }
+        return Tuning(
+            validate(gains, Gains, "parameters 'gains'").arrays,
+            SATURATION.check(values[SATURATION.name]),
+            np.array([number.check(values[number.name]) for number in self.tolerances.values()]),
+        )
+
+
+def parameters_of(machine: str = DEFAULT_MACHINE) -> tuple[NodeParameter, ...]:
+    """All parameters of the node, with what the files of the machine of this name say."""
+    return (MACHINE, *FIXED, LEARNT_OUTPUT, *TuningNumbers.of(load_machine(machine), machine).all)
+
+
+class TuningParameters:
+    """Declares the parameters on `node`; `changed` is called whenever somebody has set one.
+
+    A value is refused if the tuning that it would make is.
+    """
+
+    def __init__(self, node: Node, machine: Machine, changed: Callable[[], None]):
+        self._node, self._changed = node, changed
+        self._numbers = TuningNumbers.of(machine, MACHINE.read(node))
+        self._gain_names = {gain.name for gain in self._numbers.single_gains}
+        self._single_gains = given(node, self._numbers.single_gains)  # no file changes these
+        declare(node, self._numbers.all)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._take)
+
+    def read(self) -> Tuning:
+        """What the parameters make now; `ConfigurationError` says which is wrong, and why."""
+        return self._numbers.tuning(self._current())
+
+    def read_file(self, machine: Machine) -> None:
+        """Gains of the controller file become the parameters that were not given by themselves."""
+        node = self._node
+        file = machine_file(CONTROLLER_FILE, MACHINE.read(node), CONTROLLER.read(node))
+        read = {
+            name: value
+            for name, value in self._numbers.values_of(load_gains(file, machine)).items()
+            if name not in self._single_gains
+        }
+        if not read:  # every gain was given by itself; ROS refuses to set nothing
+            return
+        result = node.set_parameters_atomically(
+            [Parameter(name, value=value) for name, value in read.items()]
+        )
+        self._single_gains -= read.keys()  # it was no user who set them
+        if not result.successful:
+            raise ConfigurationError(f"{file}: {result.reason}")
+
+    def _current(self) -> dict[str, Any]:
+        return {
+            number.name: self._node.get_parameter(number.name).value for number in self._numbers.all
+        }
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        new = {parameter.name: parameter.value for parameter in parameters}
+        try:
+            self._numbers.tuning(self._current() | new)
+        except CraneError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take(self, parameters: list[Parameter]) -> None:
+        self._single_gains |= {parameter.name for parameter in parameters} & self._gain_names
+        self._changed()
 
 
 class MeasuredJoints(NamedTuple):
@@ -95,6 +299,50 @@ def reference_message(target: Target, stamp: Time, joints: Sequence[str]) -> Joi
     return message
 
 
+def points_trajectory(
+    message: JointTrajectory, position: Mapping[str, float], now: Time
+) -> PointsTrajectory:
+    """The motion that a joint trajectory asks for; `ConfigurationError` if it is none.
+
+    If its first point is later than 0 s, it begins where the joints are: `position` [rad, m].
+    """
+    joints, points = list(message.joint_names), list(message.points)
+    if unknown := [joint for joint in joints if joint not in position] or not joints:
+        raise ConfigurationError(
+            f"joint trajectory: no position of {unknown if joints else 'any joint'}; the crane has "
+            f"the joints {', '.join(position)}"
+        )
+    if nanoseconds(message.header.stamp) > nanoseconds(now):
+        raise ConfigurationError("joint trajectory: header.stamp is later than now; leave it 0")
+    times = [nanoseconds(point.time_from_start) / 1e9 for point in points]
+    given = {
+        singular: [list(getattr(point, plural)) for point in points]
+        for singular, plural in DERIVATIVES.items()
+        if any(len(getattr(point, plural)) for point in points)
+    }
+    for what, rows in given.items():
+        if wrong := [row for row, values in enumerate(rows) if len(values) != len(joints)]:
+            raise ConfigurationError(
+                f"joint trajectory: point {wrong[0]} has {len(rows[wrong[0]])} values of {what} "
+                f"for {len(joints)} joints; give one for each, in every point"
+            )
+    if times[0] > 0.0:
+        times.insert(0, 0.0)
+        for what, rows in given.items():
+            present = [position[joint] if what == "position" else 0.0 for joint in joints]
+            rows.insert(0, present)
+    content = {
+        "kind": "points",
+        "name": "joint trajectory",
+        "time": times,
+        "joints": {
+            joint: {what: [row[i] for row in rows] for what, rows in given.items()}
+            for i, joint in enumerate(joints)
+        },
+    }
+    return validate(content, PointsTrajectory, "joint trajectory")
+
+
 def command_message(command: np.ndarray, stamp: Time, joints: Sequence[str]) -> ValveCommand:
     """A message of valve_command."""
     message = ValveCommand(name=list(joints), command=command.tolist())
@@ -132,13 +380,8 @@ def result_message(
     )
 
 
-# Who commands the valves: this node while it leads the crane, and no other meanwhile.
-
-TOPIC = "valve_command"
-
-
 class Valves:
-    """The topic valve_command of `node`, on which it publishes from `open` to `close`."""
+    """Who commands the valves: `node`, from `open` to `close`, and no other meanwhile."""
 
     def __init__(self, node: Node, clock: NodeTime, joints: Sequence[str]):
         self._node, self._clock, self._joints = node, clock, joints
@@ -155,17 +398,21 @@ class Valves:
             self._publisher = None
 
     def send(self, u: np.ndarray | None) -> None:
-        """Spool commands (j,), between -1 and 1; None where there are none to send."""
+        """Valve commands (j,), between -1 and 1; None where there are none to send."""
         if u is not None and self._publisher is not None:
             self._publisher.publish(command_message(u, self._clock.stamp(), self._joints))
 
     @property
     def rivals(self) -> str:
         """Who else may command the valves, and what to do; empty if nobody does."""
-        others = [one for one in publishers(self._node, TOPIC) if one != full_name(self._node)]
-        if not others:
+        rivals = [
+            publisher
+            for publisher in publishers(self._node, TOPIC)
+            if publisher != full_name(self._node)
+        ]
+        if not rivals:
             return ""
-        return f"{', '.join(others)} may command the valves, only one may; stop it"
+        return f"{', '.join(rivals)} may command the valves, only one may; stop it"
 
     @property
     def unheard(self) -> str:
@@ -175,14 +422,10 @@ class Valves:
         return f"no driver listens to {self._publisher.topic_name}"
 
 
-# Which controller leads the crane, the chamber pressures that it is shown, and the load.
-
-OLDEST = 0.05  # s, of pressures that are shown; older ones are lost
-NEWEST = QoSProfile(depth=1)
-
-
 class Leading:
-    """The parameters `law` and `model` of a node, the topics cylinder_pressures and tip_load."""
+    """The controller of the crane, the chamber pressures that it is shown, and the load: the
+    parameters `law` and `model` of a node, the topics cylinder_pressures and tip_load.
+    """
 
     def __init__(self, node: Node, clock: NodeTime):
         self._node, self._clock = node, clock
@@ -209,14 +452,14 @@ class Leading:
         heaviest = LARGEST_TIP_LOAD.read(self._node)
         if heaviest and led_by_model(made) is None:
             raise ConfigurationError(
-                f"parameter 'largest_tip_load': law {self.law} leads by no load, so that tip_load "
+                f"parameter 'largest_tip_load': law {self.law} uses no load, so that tip_load "
                 "is of no use to it; use another law, or leave it 0"
             )
         self._load = FedLoad(heaviest) if heaviest else None
         self.controller = None if self.law == PD_DEAD_ZONE else made
         self._of = self._learnt = None
         limits = [machine.limits[joint] for joint in self._joints]
-        middle = np.array([(one.position_min + one.position_max) / 2.0 for one in limits])
+        middle = np.array([(limit.position_min + limit.position_max) / 2.0 for limit in limits])
         rest = Point(middle, np.zeros_like(middle), np.zeros_like(middle))
         made.start(np.zeros_like(middle))
         nothing = ChamberPressures.none(len(middle))
@@ -229,8 +472,9 @@ class Leading:
         return tuning if self.controller is None else tuning.tightened(self.controller.by_model)
 
     def leader(self, trajectory: PeriodicTrajectory) -> Controller | None:
-        """The controller, which learns the trajectory from goal to goal where it is to."""
-        if self.controller is None or not LEARNING.read(self._node):
+        """The controller, which learns a periodic trajectory from goal to goal where it is to."""
+        once = isinstance(trajectory, PointsTrajectory)
+        if self.controller is None or once or not LEARNING.read(self._node):
             return self.controller
         if self._learnt is None or self._of != trajectory:
             self._learnt = learning(self.law, self.controller, trajectory.period)
@@ -267,23 +511,23 @@ class Leading:
 
     def silence(self) -> None:
         """Listen no more."""
-        for one in self._subscriptions:
-            self._node.destroy_subscription(one)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
         self._subscriptions = []
         self._newest = None
 
     @property
     def load(self) -> dict[str, str]:
-        """What the crane is led with, in words; empty where tip_load is not used."""
+        """The load that the controller expects, in words; empty where tip_load is not used."""
         return {"load at the tip [kg]": f"{self._load.mass:.1f}"} if self._load else {}
 
     def sensed(self, stamp: float) -> ChamberPressures | None:
-        """The newest pressures, None where they are too old. The crane is led from now on with the
+        """The newest pressures, None where they are too old. The controller expects from now on the
         load that is believed at the `stamp` [s] of a joint state.
         """
         if self._load is not None and (led := led_by_model(self.controller)) is not None:
             led.carry(self._load.at(stamp))
-        return self._newest if self._clock.now() - self._heard < OLDEST else None
+        return self._newest if self._clock.now() - self._heard < OLDEST_PRESSURES else None
 
     def _take(self, message: CylinderPressures) -> None:
         taken = ChamberPressures.none(len(self._joints))

@@ -1,6 +1,5 @@
 """`ros2 run crane_trajectory tune`: try a controller on the identified simulation."""
 
-import argparse
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -10,28 +9,29 @@ import numpy as np
 from crane_model import cli
 from crane_model.cli import between
 from crane_model.errors import ConfigurationError, CraneError
+from crane_model.hydraulics.simulation import MAX_CYCLE_S, IdentifiedSimulation, identified
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import progress_bar
-from crane_model.twin import CYCLE, Twin
-from crane_model.whole_crane import identified
 from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
-from crane_trajectory.control.interface import (
+from crane_trajectory.control.controller import (
     ControlCondition,
     Controller,
     Point,
     SensorReading,
     Wanted,
+    load_gains,
 )
-from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 
-# Trials of a controller on the twin of a crane: with other gains, later commands, side by side.
-
-SWINGS = 3.0  # Hz, above which speed beside the reference is ripple
+SWING_FREQUENCY = 3.0  # Hz, above which speed beside the reference is ripple
+SWINGING = 0.1  # ripple over speed, from which a joint swings
+SCALES = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
+DELAYS = (0.02, 0.05, 0.1, 0.15)  # s
+WANTED_SCALE, WANTED_DELAY = 2.0, 0.05
 
 Steps = Callable[[Iterable[int]], Iterable[int]]
 
@@ -43,11 +43,20 @@ class GainTrial(NamedTuple):
     late: float  # s, more than the loop is
 
 
+TRIALS = (
+    *(GainTrial(scale, 0.0) for scale in SCALES),
+    *(GainTrial(1.0, late) for late in DELAYS),
+    GainTrial(WANTED_SCALE, WANTED_DELAY),
+)
+
+
 class Tried(NamedTuple):
     """What came of N trials over the periods of a motion; j joints of the model."""
 
     rms: np.ndarray  # (N, j) of the tracking error, rad, m
-    ripple: np.ndarray  # (N, j) rms of speed beside the reference above `SWINGS` over its own rms
+    ripple: (
+        np.ndarray
+    )  # (N, j) rms of speed beside the reference above `SWING_FREQUENCY` over its own rms
     worst: tuple[ControlCondition, ...]  # (N,)
 
 
@@ -58,7 +67,7 @@ def run_trials(
     controller: Callable[[float], Controller],
     progress: Steps = iter,
 ) -> Tried:
-    """Lead the twin through the motion once for each trial; `controller` makes one of a scale.
+    """Move the identified simulation once for each trial; `controller` makes one of a scale.
 
     Joints that the model lacks stand on their reference. Sensors show the truth.
     """
@@ -66,24 +75,24 @@ def run_trials(
     columns = [machine.index(joint) for joint in model.joints]
     delay = float(np.mean([known.joints[joint].valve.delay for joint in model.joints]))
     start = np.tile(motion.start[columns], (len(trials), 1))
-    twin = Twin(model, start, delay + np.array([trial.late for trial in trials]))
+    twin = IdentifiedSimulation(model, start, delay + np.array([trial.late for trial in trials]))
     made = [controller(trial.scale) for trial in trials]
-    for one in made:
-        one.start(np.zeros(len(motion.start)))
-    times = np.arange(0.0, motion.excitation_end, CYCLE)
+    for trial_controller in made:
+        trial_controller.start(np.zeros(len(motion.start)))
+    times = np.arange(0.0, motion.excitation_end, MAX_CYCLE_S)
     now, ahead = (motion.reference(times + later) for later in (0.0, made[0].preview))
     shape = (len(times), *start.shape)
     error, beside = np.empty(shape), np.empty(shape)
     worst = [ControlCondition.AT_REST] * len(trials)
     for k in progress(range(len(times))):
-        here, there = (Point(*(part[k] for part in one[:3])) for one in (now, ahead))
+        here, there = (Point(*(part[k] for part in reference[:3])) for reference in (now, ahead))
         wanted = Wanted(here, there)
         q, v = twin.position, twin.velocity
         error[k] = now.position[k, columns] - q
         beside[k] = v - now.velocity[k, columns]
         p_a, p_b, supply = twin.pressures
         u = np.empty(start.shape)
-        for n, one in enumerate(made):
+        for n, trial_controller in enumerate(made):
             reading = SensorReading(
                 _beside(now.position[k], columns, q[n]),
                 _beside(np.zeros(len(motion.start)), columns, v[n]),
@@ -91,13 +100,13 @@ def run_trials(
                 _beside(np.full(len(motion.start), np.nan), columns, p_b[n]),
                 float(supply[n]),
             )
-            u[n] = one.command(CYCLE, reading, wanted)[columns]
-            worst[n] = max(worst[n], *one.conditions)
-        twin.advance(u, CYCLE)
+            u[n] = trial_controller.command(MAX_CYCLE_S, reading, wanted)[columns]
+            worst[n] = max(worst[n], *trial_controller.conditions)
+        twin.advance(u, MAX_CYCLE_S)
     inside = times >= motion.excitation_start
     speed = np.sqrt(np.mean(now.velocity[inside][:, columns] ** 2, axis=0))
     spectrum = np.fft.rfft(beside[inside], axis=0)
-    spectrum[np.fft.rfftfreq(int(inside.sum()), CYCLE) < SWINGS] = 0.0
+    spectrum[np.fft.rfftfreq(int(inside.sum()), MAX_CYCLE_S) < SWING_FREQUENCY] = 0.0
     swings = np.fft.irfft(spectrum, int(inside.sum()), axis=0)
     return Tried(
         np.sqrt(np.mean(error[inside] ** 2, axis=0)),
@@ -106,23 +115,10 @@ def run_trials(
     )
 
 
-def _beside(others: np.ndarray, columns: list[int], values: np.ndarray) -> np.ndarray:
-    found = others.copy()
+def _beside(unknown: np.ndarray, columns: list[int], values: np.ndarray) -> np.ndarray:
+    found = unknown.copy()
     found[columns] = values
     return found
-
-
-# How much larger the gains of a controller may be, and how much later its commands.
-
-SCALES = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
-DELAYS = (0.02, 0.05, 0.1, 0.15)  # s
-WANTED_SCALE, WANTED_DELAY = 2.0, 0.05
-SWINGING = 0.1  # ripple over speed, from which a joint swings
-TRIALS = (
-    *(GainTrial(scale, 0.0) for scale in SCALES),
-    *(GainTrial(1.0, late) for late in DELAYS),
-    GainTrial(WANTED_SCALE, WANTED_DELAY),
-)
 
 
 class JointMargins(NamedTuple):
@@ -147,13 +143,13 @@ class JointMargins(NamedTuple):
 
 def margins(tried: Tried, trials: Sequence[GainTrial] = TRIALS) -> tuple[JointMargins, ...]:
     """Of each joint, from trials that contain those of `TRIALS`."""
-    stopped = np.array([one.stops for one in tried.worst])
+    stopped = np.array([condition.stops for condition in tried.worst])
     steady = (tried.ripple < SWINGING) & ~stopped[:, np.newaxis]
     found = []
     for column in steady.T:
         of = dict(zip(trials, column.tolist(), strict=True))
-        gain = _largest([(one.scale, of[one]) for one in trials if one.late == 0.0])
-        delay = _largest([(one.late, of[one]) for one in trials if one.scale == 1.0])
+        gain = _largest([(trial.scale, of[trial]) for trial in trials if trial.late == 0.0])
+        delay = _largest([(trial.late, of[trial]) for trial in trials if trial.scale == 1.0])
         found.append(JointMargins(gain, delay, of[GainTrial(WANTED_SCALE, WANTED_DELAY)]))
     return tuple(found)
 
@@ -168,20 +164,25 @@ def _largest(steps: list[tuple[float, bool]]) -> float:
     return last
 
 
-# `ros2 run crane_trajectory tune`: tries a controller on the twin of the crane. Nothing moves.
-
-
 class MarginError(CraneError):
-    """A joint of the twin swings with gains or delays that it ought to stand."""
+    """A joint of the identified simulation swings with gains or delays that it ought to stand."""
+
+
+class TuneRequest(NamedTuple):
+    """What is asked of `tune`."""
+
+    model: Path
+    law: str
+    feedback_scale: float
+    machine: str
+    controller: Path | None
+    trajectory: Path
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Try a controller on the twin of an identified crane, and print its margins; nothing moves."""
-    options = _parser().parse_args(argv)
-    return cli.run(lambda: _tune(options))
-
-
-def _parser() -> argparse.ArgumentParser:
+    """Try a controller on the identified simulation of a crane, and print its margins; nothing
+    moves.
+    """
     parser = cli.command_line(prog="tune", description=main.__doc__)
     parser.add_argument(
         "--model", type=Path, required=True, help="model file with identified hydraulics"
@@ -205,10 +206,11 @@ def _parser() -> argparse.ArgumentParser:
         default=Path("excitation_20s.yaml"),
         help="file, or a bare name: that of the machine (default: %(default)s)",
     )
-    return parser
+    request = TuneRequest(**vars(parser.parse_args(argv)))
+    return cli.run(lambda: _tune(request))
 
 
-def _tune(options: argparse.Namespace) -> None:
+def _tune(options: TuneRequest) -> None:
     model = load_model(options.model)
     machine, _ = identified(model)
     name = options.machine
@@ -221,21 +223,21 @@ def _tune(options: argparse.Namespace) -> None:
         return controller(options.law, machine, scaled, model, scale * options.feedback_scale)
 
     def progress(cycles: Iterable[int]) -> Iterable[int]:
-        return progress_bar("twin", over=cycles)
+        return progress_bar("tune", over=cycles)
 
     tried = run_trials(model, motion, TRIALS, made, progress)
     found = dict(zip(model.joints, margins(tried), strict=True))
     _tell(machine, options.law, tried, found)
     if lacking := [joint for joint in machine.joint_names if joint not in model.joints]:
         print(f"not tried, the model lacks them: {', '.join(lacking)}")
-    bad = {joint: one for joint, one in found.items() if not one.suffice}
+    bad = {joint: margin for joint, margin in found.items() if not margin.suffice}
     if bad:
         raise MarginError(
             f"{', '.join(bad)}: too near to swinging; wanted are {WANTED_SCALE:g} times the gains "
             f"and {1e3 * WANTED_DELAY:g} ms. "
             + _advice(options, bad, dict(zip(machine.joint_names, gains.kp, strict=True)))
         )
-    swinging = [joint for joint, one in found.items() if not one.both]
+    swinging = [joint for joint, margin in found.items() if not margin.both]
     print(
         f"each margin suffices; both at once make {', '.join(swinging)} oscillate"
         if swinging
@@ -246,7 +248,7 @@ def _tune(options: argparse.Namespace) -> None:
 def _motion(machine: Machine, trajectory: PeriodicTrajectory, clearance: Path) -> Motion:
     """One period from rest where it begins; other joints in the middle of their ranges."""
     limits = machine.limits.values()
-    start = np.array([0.5 * (one.position_min + one.position_max) for one in limits])
+    start = np.array([0.5 * (limit.position_min + limit.position_max) for limit in limits])
     begin = trajectory.evaluate(np.zeros(1)).position[0]
     for joint, position in zip(trajectory.joint_names, begin, strict=True):
         if joint not in machine.joint_names:
@@ -259,13 +261,14 @@ def _motion(machine: Machine, trajectory: PeriodicTrajectory, clearance: Path) -
 
 def _tell(machine: Machine, law: str, tried: Tried, found: dict[str, JointMargins]) -> None:
     """Print a row for each joint."""
-    print(f"{law} on the twin, up to {SCALES[-1]:g} times the gains and {1e3 * DELAYS[-1]:g} ms:")
+    most = f"{SCALES[-1]:g} times the gains and {1e3 * DELAYS[-1]:g} ms"
+    print(f"{law} in the simulation, up to {most}:")
     print(f"{'joint':16s}{'RMS error':>14s}{'gain margin':>14s}{'delay margin':>14s}  both")
-    for (joint, one), rms in zip(found.items(), tried.rms[0], strict=True):
+    for (joint, margin), rms in zip(found.items(), tried.rms[0], strict=True):
         error = f"{1e3 * rms:.2f} m{machine.units[joint]}"
-        gain = f"{_least(one.gain, SCALES)}{one.gain:g}"
-        delay = f"{_least(one.delay, DELAYS)}{1e3 * one.delay:g} ms"
-        both = "stands" if one.both else "swings"
+        gain = f"{_least(margin.gain, SCALES)}{margin.gain:g}"
+        delay = f"{_least(margin.delay, DELAYS)}{1e3 * margin.delay:g} ms"
+        both = "stands" if margin.both else "swings"
         print(f"{joint:16s}{error:>14s}{gain:>14s}{delay:>14s}  {both}")
     print(f"both: {WANTED_SCALE:g} times the gains and {1e3 * WANTED_DELAY:g} ms at once")
 
@@ -274,9 +277,11 @@ def _least(value: float, steps: Sequence[float]) -> str:
     return ">= " if value == steps[-1] else ""
 
 
-def _advice(options: argparse.Namespace, bad: dict[str, JointMargins], kp: dict[str, float]) -> str:
+def _advice(options: TuneRequest, bad: dict[str, JointMargins], kp: dict[str, float]) -> str:
     if options.law == PD_DEAD_ZONE:
-        changes = (f"kp of {joint} to {one.advised * kp[joint]:.3g}" for joint, one in bad.items())
+        changes = (
+            f"kp of {joint} to {margin.advised * kp[joint]:.3g}" for joint, margin in bad.items()
+        )
         return f"Lower {', '.join(changes)} in the controller file, kd alike, and tune again"
-    scale = options.feedback_scale * min(one.advised for one in bad.values())
+    scale = options.feedback_scale * min(margin.advised for margin in bad.values())
     return f"Give feedback_scale {scale:.2g} to the trajectory node, and tune with it again"

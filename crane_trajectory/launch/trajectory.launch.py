@@ -8,7 +8,7 @@ ARGUMENTS = COMMON | {
     "machine": "Machine by its name, or its folder or machine file",
     "clearance": "File of the room that the boom tip keeps",
     "controller": "File of the gains, as bring-up writes it",
-    "law": "How the crane is led, for example flow_and_pressures",
+    "law": "Control law, for example flow_and_pressures",
     "law_model": "Model file with hydraulics for that law",
 }
 

@@ -5,18 +5,21 @@ from pathlib import Path
 
 from from_code import (
     api,
+    chart,
     command_line,
+    faults,
     files,
     imports_picture,
     machines,
     messages,
     nodes,
     result_files,
+    system_picture,
 )
 
 MODULES = (
-    *(command_line, nodes, messages, files, result_files, api, imports_picture),
-    machines,
+    *(command_line, nodes, messages, faults, files, result_files, api, imports_picture),
+    *(chart, machines, system_picture),
 )
 
 

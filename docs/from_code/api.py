@@ -1,5 +1,7 @@
 """The Python API: what programs use, with the docstrings in it."""
 
+from importlib import import_module
+
 MODULES = {
     "Model": (
         "crane_model.model_file",
@@ -12,7 +14,7 @@ MODULES = {
     "Terms": (
         "crane_model.terms.term",
         "crane_model.terms.joint_term",
-        "crane_model.terms.catalogue",
+        "crane_model.terms.term",
     ),
     "Bags": ("crane_bags.reader", "crane_bags.writer"),
     "Trajectories": (
@@ -20,14 +22,15 @@ MODULES = {
         "crane_trajectory.motion.motion",
         "crane_trajectory.motion.check",
         "crane_trajectory.excitation.criterion",
-        "crane_trajectory.control.pd_dead_zone",
+        "crane_trajectory.control.controller",
     ),
     "Identification": (
         "crane_identification.data.log",
-        "crane_identification.data.bag_log",
+        "crane_identification.data.column_map",
+        "crane_identification.data.recording_log",
         "crane_identification.options",
         "crane_identification.fitting",
-        "crane_identification.estimation.estimate",
+        "crane_identification.estimation.regression",
         "crane_identification.validation.force_validation",
     ),
     "Diagnosis": (
@@ -35,10 +38,10 @@ MODULES = {
         "crane_identification.thresholds",
         "crane_identification.diagnosis.findings",
     ),
-    "Stand-in machine": (
+    "Simulated crane": (
         "crane_sim.make_bag",
         "crane_sim.parts.parameters",
-        "crane_sim.hiding.calibrate",
+        "crane_sim.calibration",
     ),
 }
 INTRODUCTION = """# Python API
@@ -66,7 +69,17 @@ def pages() -> dict[str, str]:
 
 def _page(subject: str, modules: tuple[str, ...]) -> str:
     entries = (
-        f"## {one}\n\n```{{eval-rst}}\n.. automodule:: {one}\n   :members:\n```\n"
-        for one in modules
+        f"## {module}\n\n```{{eval-rst}}\n.. automodule:: {module}\n"
+        f"   :members: {_public(module)}\n```\n"
+        for module in modules
     )
     return f"# {subject}\n\n" + "\n".join(entries)
+
+
+def _public(module: str) -> str:
+    """The names in a module that its package exports; all of them if there is none."""
+    package, found = import_module(module.partition(".")[0]), import_module(module)
+    defined = [
+        name for name, value in vars(found).items() if getattr(value, "__module__", "") == module
+    ]
+    return ", ".join(name for name in package.__all__ if name in defined)

@@ -7,8 +7,8 @@ from importlib.metadata import EntryPoint, distribution
 from unittest.mock import patch
 
 PACKAGES = (
-    *("crane_sim", "crane_trajectory", "crane_identification", "crane_driver", "crane_nodes"),
-    *("crane_observer", "crane_viewer", "crane_benchmark"),
+    *("crane_model", "crane_sim", "crane_trajectory", "crane_identification", "crane_driver"),
+    *("crane_nodes", "crane_observer", "crane_viewer", "crane_benchmark"),
 )
 WRITES = re.compile(r"([*_`<>\[\]|])")  # what Markdown would take for itself
 

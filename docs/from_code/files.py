@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 
 from crane_driver.can.mapping import Mapping
-from crane_driver.safety.limits import SafetySettings
+from crane_driver.safety.commands import SafetySettings
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.diagnosis.flow.usual import Usual
+from crane_identification.diagnosis.flow import Usual
 from crane_identification.thresholds import Thresholds
 from crane_model.configuration import packaged
 from crane_model.machine import Machine
@@ -17,9 +17,9 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import _ModelFile
 from crane_model.sensors import SensorChain
 from crane_nodes.joint_notes import JointNotes
-from crane_sim.hiding.label import Spec
-from crane_sim.parts.parameters import StandIn
-from crane_trajectory.control.pd_dead_zone import Gains
+from crane_sim.ground_truth import Spec
+from crane_sim.parts.parameters import SimulatedCrane
+from crane_trajectory.control.controller import Gains
 from crane_trajectory.excitation.limits import DesignSettings
 from crane_trajectory.motion.check import Clearance
 from crane_trajectory.motion.periodic import FourierTrajectory, SweepTrajectory
@@ -37,9 +37,10 @@ class Kind(NamedTuple):
 KINDS = (
     Kind("Machine", "What the machine is.", Machine, machine_file("machine.yaml")),
     Kind("Model", "The terms of a model and, once fitted, their values; see "
-         "[The model](../../explanation/model.md).", _ModelFile, machine_file("model.yaml")),
-    Kind("Column map", "See [Use tables](../../how_to/tables.md).", ColumnMap),
-    Kind("Fourier trajectory", "See [Design an excitation trajectory](../../how_to/design.md).",
+         "[Equations](../../explanation/equations.md#a-model-file).", _ModelFile,
+         machine_file("model.yaml")),
+    Kind("Column map", "See [Column maps](../column_map.md).", ColumnMap),
+    Kind("Fourier trajectory", "See [Excite the machine](../../how_to/excite.md#design).",
          FourierTrajectory, machine_file("validation_20s.yaml")),
     Kind("Sweep trajectory", "Written by `design --sweeps`.", SweepTrajectory),
     Kind("Design settings", "Margins and effort of `design`.", DesignSettings,
@@ -59,8 +60,9 @@ KINDS = (
          machine_file("hydraulics.yaml")),
     Kind("Sensors", "The encoders of the laboratory crane.", SensorChain,
          machine_file("sensors.yaml")),
-    Kind("Stand-in", "All that the stand-in machine is.", StandIn, machine_file("stand_in.yaml")),
-    Kind("Hidden effects", "See [Hide an effect](../../how_to/hide_effects.md).", Spec),
+    Kind("Simulated crane", "All that the simulated crane is.", SimulatedCrane,
+         machine_file("simulated_crane.yaml")),
+    Kind("Injected effects", "See [Inject an effect](../../developers/injected_effects.md).", Spec),
 )  # fmt: skip
 INTRODUCTION = """# Input files
 

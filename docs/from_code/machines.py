@@ -1,4 +1,4 @@
-"""What the pages of the machines that ship include: picture, numbers, planted values."""
+"""What the pages of the machines that ship include: picture, numbers, true values."""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -6,13 +6,12 @@ from collections.abc import Iterator, Sequence
 import matplotlib
 
 from crane_machines import shipped
-from crane_model.inspection.machine_command import told
-from crane_model.inspection.picture import picture
+from crane_model.inspection.machine_command import picture, told
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_model.model_file import Model, load_model
-from crane_sim.parts.parameters import load_stand_in
-from crane_sim.planted import planted
+from crane_sim.parts.parameters import load_simulated_crane
+from crane_sim.true_values import true_parameters
 
 SALT = "crane"  # the same picture of the same machine
 
@@ -52,7 +51,7 @@ ros2 run crane_model machine --check {name}
 {told(machine)}
 ```
 
-Its files are in `src/crane_machines/crane_machines/{name}`. Its demo, live around its stand-in:
+Its files are in `src/crane_machines/crane_machines/{name}`. Its demo, around its simulated crane:
 
 ```bash
 make demo{option}
@@ -61,9 +60,9 @@ make demo{option}
 
 
 def known(name: str, machine: Machine, model: Model) -> str:
-    """The parameters that its model finds, beside what its stand-in machine has."""
-    plant = load_stand_in(machine_file("stand_in.yaml", name), machine)
-    values = {one.name: one.value for one in planted(plant, machine)}
+    """The parameters that its model finds, beside what its simulated crane has."""
+    plant = load_simulated_crane(machine_file("simulated_crane.yaml", name), machine)
+    values = {one.name: one.value for one in true_parameters(plant, machine)}
     rows = [
         (f"`{one.name}`", one.meaning, f"{values[one.name]:.6g}", one.unit)
         for one in model.parameters
@@ -72,14 +71,14 @@ def known(name: str, machine: Machine, model: Model) -> str:
     text = (
         f"{_measured(machine, model)} Of {10 * len(machine.joints)} inertial parameters of "
         f"{_bodies(len(machine.joints))}, {len(rows) - friction} combinations show in the forces; "
-        f"friction (13) adds {friction}. *Planted* is what the stand-in machine has, as `ros2 run "
-        f"crane_sim planted --machine {name}` prints it."
+        f"friction (13) adds {friction}. *Planted* is what the simulated crane has, as `ros2 run "
+        f"crane_sim true_values --machine {name}` prints it."
     )
     return f"""## Planted, and identifiable
 
 {text}
 
-{_table(("parameter", "meaning", "planted", "unit"), rows)}
+{_table(("parameter", "meaning", "true value", "unit"), rows)}
 """
 
 

@@ -14,9 +14,9 @@ from crane_driver.operator.jog.jog_node import Jog
 from crane_driver.operator.panel.panel_node import OperatorPanel
 from crane_identification.online.identification_node import Identification
 from crane_model.machine import load_machine
-from crane_nodes.this_computer import PROFILES, RANGE
-from crane_observer.node.position_sensor_node import PositionSensorNode
-from crane_observer.node.scale_node import ScaleNode
+from crane_nodes.this_computer import DISCOVERY_RANGE, PROFILES
+from crane_observer.node.payload_estimator_node import PayloadEstimatorNode
+from crane_observer.node.position_estimator_node import PositionEstimatorNode
 from crane_observer.node.sensor_monitor_node import SensorMonitorNode
 from crane_trajectory.trajectory_node import Trajectory
 
@@ -24,8 +24,8 @@ NODES: dict[str, Callable[[], Node]] = {
     "driver": Driver,
     "trajectory": Trajectory,
     "identification": Identification,
-    "position_sensor": PositionSensorNode,
-    "scale": ScaleNode,
+    "position_estimator": PositionEstimatorNode,
+    "payload_estimator": PayloadEstimatorNode,
     "sensor_monitor": SensorMonitorNode,
     "jog": lambda: Jog(by_joystick=True),
     "panel": OperatorPanel,
@@ -43,7 +43,7 @@ laboratory crane, from the base to the tip.
 
 def keep_apart() -> None:
     """From now on, nodes of this process see no others."""
-    os.environ[RANGE] = "OFF"
+    os.environ[DISCOVERY_RANGE] = "OFF"
     os.environ.pop(PROFILES, None)  # it has peers
 
 

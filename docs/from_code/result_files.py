@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 
 from crane_benchmark.scores.summary import BenchmarkResults
-from crane_driver.operator.bringup.series import RESULTS
-from crane_identification.diagnosis.findings_file import Findings
+from crane_driver.operator.bringup.results import RESULTS
+from crane_identification.diagnosis.findings import Findings
 from crane_identification.report.summary import ClusterSummary, Summary
-from crane_sim.hiding.label import Label
+from crane_sim.ground_truth import GroundTruth
 from crane_trajectory.run_excitation_node import ExcitationResult
 from crane_trajectory.settling.settling import SettlingPlan
 from from_code.files import value_of
@@ -32,7 +32,11 @@ KINDS = (
         SettlingPlan,
     ),
     Kind("Result of an excitation", "Written by `run_excitation --result`.", ExcitationResult),
-    Kind("Label", "Written by `make_bag --label`; `make_bag --hide` reads it, too.", Label),
+    Kind(
+        "Ground truth of a bag",
+        "Written by `make_bag --ground-truth`; `make_bag --inject` reads it, too.",
+        GroundTruth,
+    ),
     Kind("results.json", "Written by `discrepancy`, once every case is scored.", BenchmarkResults),
     *(
         Kind(f"result.yaml of {step}", f"Written by `bringup {step}`.", schema)

@@ -26,7 +26,7 @@ GAP = 1.5  # cycles between two stamps
 def messages(bag: Path) -> dict[str, int]:
     """Number of messages of each topic."""
     with open_bag(bag) as reader:
-        topics = sorted({one.topic for one in reader.connections})
+        topics = sorted({connection.topic for connection in reader.connections})
         return {topic: announced(reader, topic)[0] for topic in topics}
 
 
@@ -65,7 +65,9 @@ def online_estimate(bag: Path) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of each parameter in the last estimate of the bag."""
     store = typestore()
     with open_bag(bag) as reader:
-        (msgtype,) = {one.msgtype for one in reader.connections if one.topic == ESTIMATE}
+        (msgtype,) = {
+            connection.msgtype for connection in reader.connections if connection.topic == ESTIMATE
+        }
         last = [block.messages[-1] for block in blocks(bag, reader, [ESTIMATE])][-1]
     message: Any = store.deserialize_cdr(last, msgtype)
     values = zip(message.value.tolist(), message.std_dev.tolist(), strict=True)

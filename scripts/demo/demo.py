@@ -1,4 +1,4 @@
-"""make demo: the whole suite live around the stand-in machine, then a fitted and validated model.
+"""make demo: the whole suite live around the simulated crane, then a fitted and validated model.
 
 Simulated crane, driver, trajectory, identification and recorder run as processes; two experiments
 are recorded, the model is fitted to one bag and validated on the other. The same from bags of a
@@ -43,7 +43,9 @@ def main() -> int:
     """Run the demo; exit status 0, 1 if something failed, 130 after Ctrl-C."""
     parser = argparse.ArgumentParser(description="The whole suite at work.")
     parser.add_argument("--view", action="store_true", help="show it in a browser meanwhile")
-    parser.add_argument("--seed", type=int, default=SEED, help="of noise and of what is hidden")
+    parser.add_argument(
+        "--seed", type=int, default=SEED, help="of noise and of the injected effect"
+    )
     parser.add_argument(
         "--realtime", action="store_true", help="at the pace of a real crane, not simulated time"
     )
@@ -97,9 +99,9 @@ def main() -> int:
 def _demo(steps: Steps, suite: Processes, domain: int, laws: tuple[Law, Law], seed: int) -> None:
     law, dynamic = laws
     say = steps.console.print
-    for one in laws:
-        (one.folder / "bags").mkdir(parents=True, exist_ok=True)
-        one.note_planted(suite)
+    for friction_law in laws:
+        (friction_law.folder / "bags").mkdir(parents=True, exist_ok=True)
+        friction_law.note_true_values(suite)
     with steps.step("live", "two experiments, live: driver, trajectory, identification", 90.0):
         live.record(suite, domain, law, seed, say)
     with steps.step("bags", f"two bags of {dynamic.name}, without a driver", 5.0):
@@ -134,7 +136,7 @@ def _demo(steps: Steps, suite: Processes, domain: int, laws: tuple[Law, Law], se
         update={
             "following": followed,
             "unplugged": lost,
-            "hidden": missing.hidden(),
+            "injected": missing.injected(),
             "wall_seconds": steps.seconds,
         }
     )

@@ -18,7 +18,7 @@ def write_figures(law: Law, dynamic: Law, outcome: DemoOutcome) -> None:
     if law.machine != DEFAULT_MACHINE:
         command, name = f"make demo MACHINE={law.machine}", f"figures_{Path(law.machine).stem}.json"
     units = load_machine(law.machine).units
-    found = rows(command, law.summary(), dynamic.summary(), outcome, law.planted(), units)
+    found = rows(command, law.summary(), dynamic.summary(), outcome, law.true_values(), units)
     write(OUT / name, command, list(found))
 
 
@@ -27,7 +27,7 @@ def rows(
     summary: Summary,
     dynamic: Summary,
     outcome: DemoOutcome,
-    planted: Mapping[str, float],
+    true_values: Mapping[str, float],
     units: Mapping[str, str],
 ) -> Iterator[MeasuredRow]:
     """From summaries of the machine and of that with dynamic friction; units by joint."""
@@ -35,13 +35,14 @@ def rows(
     motion, ahead = motion_errors(summary)
     yield MeasuredRow(
         cells=[
-            f"{len(summary.parameters)} planted parameters, live: farthest off, online and offline",
+            f"{len(summary.parameters)} parameters, live: farthest from the true values, "
+            "online and offline",
             "",
             "{online_sigmas:.1f} σ, {offline_sigmas:.1f} σ",
         ],
         values={
-            "online_sigmas": _farthest(outcome.online, planted),
-            "offline_sigmas": _farthest(summary.parameters, planted),
+            "online_sigmas": _farthest(outcome.online, true_values),
+            "offline_sigmas": _farthest(summary.parameters, true_values),
         },
     )
     for name, what, errors in (
@@ -50,7 +51,7 @@ def rows(
         ("without_gravity", "the same relative to τ without gravity",
          summary.heldout_relative_error_without_gravity),
         ("noise_floor", "noise floor, relative to τ", summary.noise_floor),
-        ("motion", f"simulated {motion}, error relative to the way", ahead),
+        ("motion", f"simulated {motion}, error relative to the displacement", ahead),
         ("lugre", "the same machine with LuGre friction: held-out force, relative to τ",
          dynamic.heldout_relative_error),
     ):  # fmt: skip
@@ -72,7 +73,7 @@ def _unplugged(lost: Unplugged, units: Mapping[str, str]) -> MeasuredRow:
     return MeasuredRow(
         cells=[
             f"encoder of {lost.joint} unplugged in motion: named; valves neutral; error of the "
-            f"estimate at home; load of {lost.planted_load:g} kg weighed on the way",
+            f"estimate at home; load of {lost.true_load:g} kg estimated on the way",
             "1 s",
             f"{{named:.2f}} s by {lost.named_by}; {{neutral:.2f}} s; "
             f"{{error:.1f}} m{units[lost.joint]}; {{load:.1f}} ± {{load_std_dev:.1f}} kg",
@@ -108,11 +109,11 @@ def _known(values: Mapping[str, float | None]) -> dict[str, float]:
 
 
 def _farthest(
-    found: Sequence[ParameterSummary | OnlineEstimate], planted: Mapping[str, float]
+    found: Sequence[ParameterSummary | OnlineEstimate], true_values: Mapping[str, float]
 ) -> float:
-    """Of the estimates from what is planted, in standard deviations."""
+    """Of the estimates from the true values, in standard deviations."""
     return max(
-        abs(one.value - planted[one.name]) / one.std_dev
-        for one in found
-        if one.value is not None and one.std_dev
+        abs(estimate.value - true_values[estimate.name]) / estimate.std_dev
+        for estimate in found
+        if estimate.value is not None and estimate.std_dev
     )

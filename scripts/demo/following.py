@@ -17,7 +17,7 @@ from crane_model.machine import load_machine
 from crane_model.model_file import load_model
 from crane_model.result_file import NumberByJoint
 from crane_trajectory.control.choice import controller
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.run_excitation_node import ExcitationResult
 
 CONTROLLER = "flow_and_pressures"
@@ -67,7 +67,7 @@ def table(law: Law, after: Following) -> Table:
         better = after.times_better[joint]
         result.add_row(
             joint,
-            *(f"{1e3 * (one[joint] or 0.0):.2f} m{unit}" for one in (before, after.tracking_rms)),
+            *(f"{1e3 * (run[joint] or 0.0):.2f} m{unit}" for run in (before, after.tracking_rms)),
             "held" if better is None else f"{better:.0f}",
         )
     return result
@@ -112,7 +112,7 @@ def _followed(law: Law, use: str) -> Followed:
     topics = read_topics(law.bag(use), (JOINT_STATES, JOINT_REFERENCE))
     joints = load_machine(law.machine).joint_names
     states, references = (
-        topics[one.name].select(joints) for one in (JOINT_STATES, JOINT_REFERENCE)
+        topics[topic.name].select(joints) for topic in (JOINT_STATES, JOINT_REFERENCE)
     )
     _, at, of = np.intersect1d(states.stamp, references.stamp, return_indices=True)
     wanted = references.fields["position"][of]

@@ -68,8 +68,8 @@ def measured(law: Law, pulled: Pulled) -> Unplugged:
             lambda found: [found.state == DriverState.STATE_FAULT and found.source == joint],
         ),
     }
-    named = {node: _first(one, pulled.at) for node, one in names.items()}
-    by = min(named, key=lambda one: named[one])
+    named = {node: _first(says, pulled.at) for node, says in names.items()}
+    by = min(named, key=lambda node: named[node])
     neutral = told(bag, VALVE_OUTPUT, lambda sent: [not sent.command.any()])
     encoder, estimate, load = heard(law, pulled)
     read = encoder.values[np.isfinite(encoder.values[:, 0]), 0]
@@ -81,7 +81,7 @@ def measured(law: Law, pulled: Pulled) -> Unplugged:
         seconds_to_name=(named[by] - pulled.at) / NANOSECONDS,
         seconds_to_neutral=(_first(neutral, pulled.at) - pulled.at) / NANOSECONDS,
         estimate_error=float(home - read[-1]),
-        planted_load=LOAD,
+        true_load=LOAD,
         load=float(mass),
         load_std_dev=float(deviation),
     )
@@ -109,8 +109,8 @@ def table(law: Law, found: Unplugged) -> Table:
     result.add_row("valves neutral after", f"{found.seconds_to_neutral:.2f} s")
     error = 1e3 * found.estimate_error
     result.add_row("home by the estimate; plugged in again, off by", f"{error:.1f} m{unit}")
-    weighed = f"{found.load:.1f} ± {found.load_std_dev:.1f} kg"
-    result.add_row(f"weighed on the way, of {found.planted_load:g} kg", weighed)
+    load_shown = f"{found.load:.1f} ± {found.load_std_dev:.1f} kg"
+    result.add_row(f"load estimated on the way, of {found.true_load:g} kg", load_shown)
     return result
 
 
@@ -126,10 +126,10 @@ def draw(law: Law, pulled: Pulled, found: Unplugged) -> None:
     _banded(upper, estimate, pulled, "estimate, ± 2 σ")
     unit = load_machine(law.machine).units[found.joint]
     upper.set_ylabel(f"{_plain(found.joint)} [{unit}]")
-    _banded(lower, load, pulled, "weighed, ± 2 σ")
-    lower.axhline(found.planted_load, color="0.5", lw=0.8, ls="--", label="hangs at the tip")
+    _banded(lower, load, pulled, "estimate, ± 2 σ")
+    lower.axhline(found.true_load, color="0.5", lw=0.8, ls="--", label="hangs at the tip")
     lower.set_ylabel("load [kg]")
-    lower.set_ylim(0.0, 2.0 * found.planted_load)
+    lower.set_ylim(0.0, 2.0 * found.true_load)
     lower.set_xlabel("time since the plug was pulled [s]")
     home = (pulled.home - pulled.at) / NANOSECONDS
     for panel in (upper, lower):

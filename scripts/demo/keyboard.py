@@ -4,7 +4,6 @@ import math
 import os
 import pty
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 from processes import DemoError, Processes
@@ -31,12 +30,7 @@ class Keyboard:
         self._suite.until(lambda: "emergency stop" in self._suite.said("jog"), "jog shows no keys")
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._suite.stop("jog")
         os.close(self._terminal)
         os.close(self._keys)

@@ -1,4 +1,4 @@
-"""The stand-in machines of the demo, where their results go, and the offline tools run on them."""
+"""The simulated cranes of the demo, where their results go, and the offline tools run on them."""
 
 import json
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ PERIODS = 5  # of the bags that are made faster than real time
 
 @dataclass(frozen=True)
 class Law:
-    """One friction law of the stand-in machine and where its results go."""
+    """One friction law of the simulated crane and where its results go."""
 
     name: str
     machine: str  # name of a shipped one, a folder or a machine file
@@ -49,9 +49,9 @@ class Law:
         """File of the result of the live experiment of `use`."""
         return self.folder / f"excitation_{use}.json"
 
-    def planted(self) -> dict[str, float]:
+    def true_values(self) -> dict[str, float]:
         """True value of each parameter [SI]."""
-        values: dict[str, float] = json.loads(self.planted_file.read_text(encoding="utf-8"))
+        values: dict[str, float] = json.loads(self.true_values_file.read_text(encoding="utf-8"))
         return values
 
     def summary(self) -> Summary:
@@ -59,28 +59,28 @@ class Law:
         return Summary.read(self.folder / "summary.json")
 
     @property
-    def planted_file(self) -> Path:
+    def true_values_file(self) -> Path:
         """Where the true values stand."""
-        return self.folder / "planted.json"
+        return self.folder / "true_values.json"
 
-    def note_planted(self, suite: Processes) -> None:
-        """Write what is planted in the machine to a file beside its bags."""
+    def note_true_values(self, suite: Processes) -> None:
+        """Write the true values of the simulated crane to a file beside its bags."""
         text = suite.output(
-            *("planted", "crane_sim", "planted", "--machine", self.machine),
+            *("planted", "crane_sim", "true_values", "--machine", self.machine),
             *("--plant", self.plant, "--json"),
         )
-        self.planted_file.write_text(text, encoding="utf-8")
+        self.true_values_file.write_text(text, encoding="utf-8")
 
 
 def report_law(machine: str) -> Law:
     """That which the machine's model can represent."""
-    plant = machine_file("stand_in.yaml", machine)
+    plant = machine_file("simulated_crane.yaml", machine)
     return Law("the report's friction law (13)", machine, plant, OUT)
 
 
 def dynamic_law(machine: str) -> Law:
     """That which it cannot."""
-    plant = machine_file("stand_in_dynamic_friction.yaml", machine)
+    plant = machine_file("simulated_crane_dynamic_friction.yaml", machine)
     return Law("dynamic friction (LuGre)", machine, plant, OUT / "dynamic_friction")
 
 
@@ -103,6 +103,6 @@ def identify(suite: Processes, *laws: Law) -> None:
             *(f"identify_{law.folder.name}", "crane_identification", "identify"),
             *("--model", law.file("model.yaml"), "--out", law.folder),
             *("--train", law.bag("train"), "--validate", law.bag("validate")),
-            *("--reference-values", law.planted_file),
+            *("--reference-values", law.true_values_file),
         )
     suite.finish(*(f"identify_{law.folder.name}" for law in laws))

@@ -1,4 +1,4 @@
-"""The live half of the demo: the suite as processes around the stand-in machine, on a CAN bus."""
+"""The live half of the demo: the suite as processes around the simulated crane, on a CAN bus."""
 
 import os
 import random
@@ -60,7 +60,7 @@ class Onlooker:
         """
         self.executor.spin_once(timeout_sec=0.1)
         found = self.node.get_subscriptions_info_by_topic(JOINT_STATES.name)
-        if absent := set(listeners) - {one.node_name for one in found}:
+        if absent := set(listeners) - {endpoint.node_name for endpoint in found}:
             return f"{', '.join(sorted(absent))} do not listen to the driver yet"
         state = self.driver.state
         if state.state == DriverState.STATE_DISABLED:
@@ -230,8 +230,8 @@ def record_to(suite: Processes, bag: Path) -> None:
 
 def foreign_domain() -> int:
     """A ROS domain that is not the user's, in which a real crane may be."""
-    own = os.environ.get("ROS_DOMAIN_ID", "0")
-    return random.choice([one for one in range(1, 101) if str(one) != own])
+    users_domain = os.environ.get("ROS_DOMAIN_ID", "0")
+    return random.choice([domain for domain in range(1, 101) if str(domain) != users_domain])
 
 
 def _free_port() -> int:

@@ -1,6 +1,6 @@
-"""The last act: one effect that the model lacks is hidden in the machine, and found in its bags.
+"""The last act: an effect that the model lacks is injected into the crane, and found in its bags.
 
-What is hidden is drawn from the seed, and is opened only after the answer.
+The effect is drawn from the seed, and its label is opened only after the answer.
 """
 
 import numpy as np
@@ -9,12 +9,12 @@ from laws import EXCITATION, OUT, VALIDATION, Law
 from processes import Processes
 from rich.table import Table
 
-from crane_identification.diagnosis.findings_file import Findings
+from crane_identification.diagnosis.findings import Findings
 from crane_identification.report.terminal import plain_table
 from crane_model.machine import load_machine
 from crane_model.model_file import load_model
-from crane_sim.effects.forms import FORMS
-from crane_sim.hiding.label import Label, LabelledEffect
+from crane_sim.effects.kernel import FORMS
+from crane_sim.ground_truth import GroundTruth, TrueEffect
 
 # What such motions show on any machine; `make discrepancy-benchmark` hides everything.
 EFFECTS = ("stribeck", "viscous_quadratic", "load_friction", "position_friction", "hose_stiffness")
@@ -30,17 +30,17 @@ HELD_OUT = {"held_out": VALIDATION}
 def make_bags(suite: Processes, law: Law, seed: int) -> None:
     """Record the machine with the effect, faster than real time."""
     effect, form, joint = drawn(law, np.random.default_rng(seed))
-    hidden = {"effect": effect, "form": form, "joint": joint, "strength": STRENGTH}
+    spec_of_effect = {"effect": effect, "form": form, "joint": joint, "strength": STRENGTH}
     LABELS.mkdir(parents=True)
-    spec = LABELS / "hidden.yaml"
-    spec.write_text(yaml.safe_dump({"seed": seed, "effects": [hidden]}), encoding="utf-8")
+    spec = LABELS / "injected.yaml"
+    spec.write_text(yaml.safe_dump({"seed": seed, "effects": [spec_of_effect]}), encoding="utf-8")
     bags = TRAIN | HELD_OUT
     for number, (name, trajectory) in enumerate(bags.items(), start=1):
         suite.start(
             *(name, "crane_sim", "make_bag", "--out", FOLDER / "bags" / name),
             *("--machine", law.machine, "--trajectory", law.file(trajectory)),
             *("--periods", PERIODS, "--seed", 10 * seed + number),
-            *("--hide", spec, "--label", LABELS / f"{name}.json"),
+            *("--inject", spec, "--ground-truth", LABELS / f"{name}.json"),
         )
     suite.finish(*bags)
 
@@ -51,11 +51,11 @@ def drawn(law: Law, rng: np.random.Generator) -> tuple[str, str, str]:
     """
     machine, known = load_machine(law.machine), load_model(law.file("model.yaml")).joints
     joints = {
-        effect: [one for one in FORMS[effect][0].where.joints(machine) if one in known]
+        effect: [joint for joint in FORMS[effect][0].where.joints(machine) if joint in known]
         for effect in EFFECTS
     }
-    effect = str(rng.choice([one for one in EFFECTS if joints[one]]))
-    form = str(rng.choice([one.name for one in FORMS[effect]]))
+    effect = str(rng.choice([effect for effect in EFFECTS if joints[effect]]))
+    form = str(rng.choice([form.name for form in FORMS[effect]]))
     return effect, form, str(rng.choice(joints[effect]))
 
 
@@ -84,12 +84,17 @@ def table() -> Table:
     for heading in ("strength", "force unexplained before", "after"):
         result.add_column(heading, justify="right")
     found = Findings.read(ANSWER / "findings.json")
-    for one in hidden():
-        result.add_row("hidden", one.effect, one.joint or "all", f"{one.strength:.1%}", "", "")
+    for effect in injected():
+        result.add_row(
+            "injected", effect.effect, effect.joint or "all", f"{effect.strength:.1%}", "", ""
+        )
     for finding in found.findings:
         errors = (
             f"{error.force_relative_error:.2%}" if error else ""
-            for error in (gap.get(finding.joint) for gap in (found.gap.before, found.gap.after))
+            for error in (
+                gap.get(finding.joint)
+                for gap in (found.model_error.before, found.model_error.after)
+            )
         )
         result.add_row("found", finding.effect, finding.joint, "", *errors)
     if not found.findings:
@@ -97,6 +102,6 @@ def table() -> Table:
     return result
 
 
-def hidden() -> list[LabelledEffect]:
+def injected() -> list[TrueEffect]:
     """What the label says; opened after the answer."""
-    return Label.read(LABELS / "held_out.json").effects
+    return GroundTruth.read(LABELS / "held_out.json").effects

@@ -7,7 +7,7 @@ from laws import OUT, Law
 
 from crane_identification.report.summary import Summary
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
-from crane_sim.hiding.label import LabelledEffect
+from crane_sim.ground_truth import TrueEffect
 from crane_trajectory.run_excitation_node import ExcitationResult
 
 FILE = OUT / "demo.json"
@@ -18,7 +18,7 @@ class OnlineEstimate(ResultPart):
 
     name: str
     """Of the parameter."""
-    planted: float
+    true_value: float
     """In the simulated crane [SI]."""
     value: Number
     """The node's estimate at the end of the recording [SI]; null where it was not determined."""
@@ -59,10 +59,10 @@ class Unplugged(ResultPart):
     """Until all valves were commanded neutral [s]."""
     estimate_error: float
     """Estimate minus encoder, once home and plugged in again [rad, m]."""
-    planted_load: float
+    true_load: float
     """At the tip [kg]."""
     load: float
-    """What the scale said of it at home [kg]."""
+    """Its estimate at home [kg]."""
     load_std_dev: float
     """Its standard deviation [kg]."""
 
@@ -71,7 +71,7 @@ class DemoOutcome(ResultFile):
     """What the demo measured itself."""
 
     online: list[OnlineEstimate]
-    """Of all parameters that were planted and fitted."""
+    """Of all parameters that have a true value and were fitted."""
     tracking_rms: NumberByJoint
     """Rms of reference minus position in the first experiment, led by (36) [rad, m]."""
     following: Following | None = None
@@ -80,8 +80,8 @@ class DemoOutcome(ResultFile):
     """What happened without an encoder; null where the machine permits no substitute."""
     recorded: dict[str, Recording]
     """By use, `train` and `validate`."""
-    hidden: list[LabelledEffect] = []
-    """What was hidden in the last act."""
+    injected: list[TrueEffect] = []
+    """Effects that were injected in the last act."""
     wall_seconds: dict[str, float] = {}
     """By phase [s]."""
 
@@ -100,7 +100,7 @@ def recorded(law: Law) -> DemoOutcome:
 
 
 def motion_errors(summary: Summary) -> tuple[str, dict[str, float]]:
-    """What they are, and those of the joints that can be simulated, relative to their own way."""
+    """Heading of the errors of simulated motion, and those of the joints that can be simulated."""
     motion = summary.simulated_motion
     if motion is None:
         return "motion", {}
@@ -108,14 +108,14 @@ def motion_errors(summary: Summary) -> tuple[str, dict[str, float]]:
         joint: (error, motion.displacement_rms[joint])
         for joint, error in motion.position_rms.items()
     }
-    errors = {joint: error / way for joint, (error, way) in pairs.items() if error and way}
+    errors = {joint: error / rms for joint, (error, rms) in pairs.items() if error and rms}
     return f"motion {motion.horizon:g} s ahead", errors
 
 
 def _online(law: Law, bag: Path) -> list[OnlineEstimate]:
-    planted = law.planted()
+    true_values = law.true_values()
     estimates = bags.online_estimate(bag)
     return [
-        OnlineEstimate(name=name, planted=planted[name], value=value, std_dev=std_dev)
+        OnlineEstimate(name=name, true_value=true_values[name], value=value, std_dev=std_dev)
         for name, (value, std_dev) in estimates.items()
     ]

@@ -18,15 +18,16 @@ CYCLE_TIME = re.compile(r'^(BA_ "GenMsgCycleTime" BO_ \d+ )(\d+);', re.MULTILINE
 
 def check(suite: Processes, domain: int, law: Law, rate: int) -> None:
     """Watch the crane at rest; `DemoError` offers a slower rate if the driver finds a fault."""
-    for number, one in enumerate(one for one in RATES if one <= rate):
-        suite.dbc = at_rate(law, one)
+    for number, rate_tried in enumerate(rate_tried for rate_tried in RATES if rate_tried <= rate):
+        suite.dbc = at_rate(law, rate_tried)
         fault = _fault(suite, domain, law, number)
-        if not fault and one == rate:
+        if not fault and rate_tried == rate:
             return
         if not fault:
             raise DemoError(
-                f"this computer does not hold {rate} Hz in real time, but {one} Hz: "
-                f"make demo REALTIME=1 RATE={one}; or `make demo`, whose simulated time needs none"
+                f"this computer does not hold {rate} Hz in real time, but {rate_tried} Hz: "
+                f"make demo REALTIME=1 RATE={rate_tried}; "
+                "or `make demo`, whose simulated time needs none"
             )
         why = fault
     raise DemoError(
@@ -45,8 +46,7 @@ def at_rate(law: Law, rate: int) -> Path:
     text = shipped.read_text(encoding="utf-8")
     path = OUT / f"can_{rate}_hz.dbc"
     path.write_text(
-        CYCLE_TIME.sub(lambda found: f"{found[1]}{slower * int(found[2])};", text),
-        encoding="utf-8",
+        CYCLE_TIME.sub(lambda found: f"{found[1]}{slower * int(found[2])};", text), encoding="utf-8"
     )
     return path
 

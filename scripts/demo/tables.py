@@ -12,16 +12,16 @@ from crane_model.machine import load_machine
 
 
 def table(law: Law, outcome: DemoOutcome) -> Table:
-    """Parameter, unit, planted, and what was identified online and offline."""
-    result = plain_table("Θ: planted in the simulated crane, identified online and from its bag")
+    """Parameter, unit, true value, and what was identified online and offline."""
+    result = plain_table("Θ: true in the simulated crane, identified online and from its bag")
     for heading in ("parameter", "unit"):
         result.add_column(heading, no_wrap=True)
-    for heading in ("planted", "online ± σ", "off/σ", "offline ± σ", "off/σ"):
+    for heading in ("true", "online ± σ", "off/σ", "offline ± σ", "off/σ"):
         result.add_column(heading, justify="right", no_wrap=True)
-    planted = law.planted()
-    online = {one.name: one for one in outcome.online}
+    true_values = law.true_values()
+    online = {estimate.name: estimate for estimate in outcome.online}
     for fitted in law.summary().parameters:
-        true = planted[fitted.name]
+        true = true_values[fitted.name]
         result.add_row(
             fitted.name,
             fitted.unit,
@@ -47,7 +47,7 @@ def bags_table(law: Law, outcome: DemoOutcome) -> Table:
         result.add_column(heading, justify="right")
     recordings = [outcome.recorded[use] for use in ("train", "validate")]
     for topic in recordings[0].gaps:
-        counts = ((one.messages[topic], one.gaps[topic]) for one in recordings)
+        counts = ((recording.messages[topic], recording.gaps[topic]) for recording in recordings)
         result.add_row(topic, *(str(count) for pair in counts for count in pair))
     units = load_machine(law.machine).units
     rms = ", ".join(

@@ -2,8 +2,8 @@
 
 The simulated crane freezes the encoder while its counters go on: the bus alone shows nothing.
 `sensor_monitor` or the driver names it, whichever is quicker. Then the driver moves that joint by
-`position_sensor`, degraded, and an operator at the keys of `jog` leads the crane to its rest pose
-while `scale` weighs a load that the model does not know.
+`position_estimator`, degraded, and an operator at the keys of `jog` controls the crane to its rest
+pose while `payload_estimator` estimates a load that the model does not know.
 """
 
 import math
@@ -23,8 +23,8 @@ from rclpy.action import ActionClient
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from crane_driver.operator.jog.jog_input import PAIRS
-from crane_driver.safety.limits import load_safety
+from crane_driver.operator.jog.jog_input import JOINT_KEYS
+from crane_driver.safety.commands import load_safety
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import DriverState, PositionEstimate, SensorFindings
 from crane_interfaces.srv import SubstituteEncoder
@@ -32,11 +32,11 @@ from crane_model.machine import load_machine
 from crane_model.model_file import load_model
 from crane_nodes.driver_client import LATCHED
 from crane_nodes.node_time import nanoseconds
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 
 USE = "unplugged"  # of its bag
 LOAD = 60.0  # kg at the tip
-OBSERVERS = ("position_sensor", "sensor_monitor", "scale")
+OBSERVERS = ("position_estimator", "sensor_monitor", "payload_estimator")
 LISTENERS = (*live.LEADING, *OBSERVERS)
 KNOWN = 3.0  # s of motion, before the plug is pulled
 FAST = 0.5  # of the joint's largest speed until then, at which it is pulled
@@ -237,8 +237,10 @@ def _moves_well(suite: Processes, hand: Hand, joint: str) -> bool:
 def _go_home(suite: Processes, hand: Hand, keys: Keyboard, law: Law) -> None:
     """Joint by joint, from the tip to the base; enabled again where the computer was too busy."""
     machine = load_machine(law.machine)
-    rest = dict(zip(machine.joint_names, load_stand_in(law.plant).start.tolist(), strict=True))
-    pairs = dict(zip(machine.joint_names, PAIRS, strict=False))
+    rest = dict(
+        zip(machine.joint_names, load_simulated_crane(law.plant).start.tolist(), strict=True)
+    )
+    pairs = dict(zip(machine.joint_names, JOINT_KEYS, strict=False))
     for joint in reversed(load_model(law.fitted).joints):
         near = HOME[machine.units[joint]]
         while abs(way := rest[joint] - hand.position(joint)) > near:
@@ -275,10 +277,10 @@ def _disabled(hand: Hand, keys: Keyboard) -> bool:
 
 
 def _loaded(law: Law) -> Path:
-    """A stand-in file with a load in the outermost body."""
-    stand_in = yaml.safe_load(law.plant.read_text(encoding="utf-8"))
-    outermost = list(stand_in["bodies"])[-1]
-    stand_in["bodies"][outermost]["mass"] += LOAD
+    """A simulated-crane file with a load in the outermost body."""
+    simulated = yaml.safe_load(law.plant.read_text(encoding="utf-8"))
+    outermost = list(simulated["bodies"])[-1]
+    simulated["bodies"][outermost]["mass"] += LOAD
     path = OUT / "loaded.yaml"
-    path.write_text(yaml.safe_dump(stand_in), encoding="utf-8")
+    path.write_text(yaml.safe_dump(simulated), encoding="utf-8")
     return path

@@ -16,10 +16,10 @@ compile() { # OUTPUT ARGUMENT...
 }
 
 # All inputs are resolved together first, so that the files agree with each other.
-cat requirements.txt requirements-{ros,dev,test,docs,tables,pictures,view}.txt > "$all"
-compile "$all" "$@" scripts/requirements/{runtime,ros,dev,test,docs,tables,pictures,view}.in
+cat requirements.txt requirements-{ros,dev,test,docs,tables,pictures,view,benchmark}.txt > "$all"
+compile "$all" "$@" scripts/requirements/{runtime,ros,dev,test,docs,tables,pictures,view,benchmark}.in
 compile requirements.txt --constraints "$all" scripts/requirements/runtime.in
-for part in ros dev test docs tables pictures view; do
+for part in ros dev test docs tables pictures view benchmark; do
     compile "requirements-$part.txt" --constraints "$all" "scripts/requirements/$part.in"
 done
 # Only what has to differ from the others differs: their pins are preferred.

@@ -3,6 +3,7 @@
 import ast
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -10,7 +11,6 @@ import venv
 from dataclasses import dataclass
 from pathlib import Path
 
-import wheels
 from machine import Machine, SetupError, failure
 
 
@@ -26,6 +26,7 @@ class Part:
 CORE = Part("the suite and ROS 2 Jazzy", 300, "20 s to 1 min")
 WITH_ROS = Part("the suite and its tests, beside the installed ROS", 415, "20 s to 1 min")
 EXTRAS = {
+    "benchmark": Part("the benchmark of diagnoses", 5, "5 s"),
     "docs": Part("the manual", 40, "5 to 10 s"),
     "pictures": Part("pictures of the crane", 45, "5 to 10 s"),
     "tables": Part("tables", 55, "5 to 10 s"),
@@ -41,6 +42,10 @@ PIP_TO_UV = {
     "cert": "SSL_CERT_FILE",
     "proxy": "ALL_PROXY",
 }
+# /opt/python/cp311-cp311/include/python3.11 and .../numpy/_core/include below the same folder
+FOREIGN_INCLUDE = re.compile(
+    r"/opt/python/[^;\"\s]*?/(?:(?P<numpy>numpy/_core/include)|include/python3\.\d+)"
+)
 
 
 def stamp_file(machine: Machine) -> Path:
@@ -67,11 +72,11 @@ def install_extra(machine: Machine, extra: str) -> None:
     """
     if extra not in EXTRAS:
         raise SetupError(f"no extra '{extra}'; there are {', '.join(EXTRAS)}")
-    if machine.ros_installed and extra in ("pictures", "tables", "test"):
+    if machine.ros_installed and extra in ("benchmark", "pictures", "tables", "test"):
         return  # there with all others, since they have to agree with that ROS
     if machine.ros_installed and extra == "view":
         raise SetupError(
-            "Rerun needs numpy 2, which an installed ROS 2 Jazzy does not bear; view bags from a "
+            "Rerun needs numpy 2, which conflicts with an installed ROS 2 Jazzy; view bags from a "
             "clone that was set up without ROS"
         )
     # gone with the environment when that is made anew
@@ -105,7 +110,7 @@ def up_to_date(machine: Machine) -> bool:
 
 
 def install(machine: Machine) -> None:
-    """Make or mend the virtual environment and install the pinned packages."""
+    """Make or repair the virtual environment and install the pinned packages."""
     stamp_file(machine).unlink(missing_ok=True)
     if not _usable(machine):
         print("set-up: virtual environment .venv: usually 5 to 15 s", flush=True)
@@ -120,7 +125,7 @@ def install(machine: Machine) -> None:
         )
     _install_pins(machine, pins(machine), WITH_ROS if machine.ros_installed else CORE)
     if not machine.ros_installed:
-        wheels.mend_include_folders(machine)
+        repair_include_folders(machine)
     stamp_file(machine).write_text(wanted_stamp(machine))
 
 
@@ -208,3 +213,26 @@ def uv_settings(pip: list[str], environment: dict[str, str]) -> dict[str, str]:
 def _exists(place: str) -> bool:
     path = place.removeprefix("file://")
     return not path.startswith("/") or Path(path).exists()
+
+
+def repair_include_folders(machine: Machine) -> None:
+    """Let the CMake targets of the ROS wheels name the includes of this Python and its numpy.
+
+    They name folders of the machine that built them.
+    """
+    query = (
+        "import numpy, sysconfig; print(sysconfig.get_path('include')); print(numpy.get_include())"
+    )
+    answer = subprocess.run(
+        [machine.venv_python, "-c", query], capture_output=True, text=True, check=True
+    )
+    python_include, numpy_include = answer.stdout.splitlines()
+    for path in machine.venv.glob("share/*/cmake/*.cmake"):
+        text = path.read_text()
+        repaired = FOREIGN_INCLUDE.sub(
+            lambda m: numpy_include if m["numpy"] else python_include, text
+        )
+        if repaired != text:
+            # uv links files from its cache: write a new file, never into the shared one.
+            path.unlink()
+            path.write_text(repaired)

@@ -43,11 +43,10 @@ setup(
         "numba",
         "numpy",
         "pydantic>=2",
-        "pysindy",
         "rich",
         "ruamel.yaml",
         "scipy",
     ],
-    extras_require={"cluster": ["distributed"]},
+    extras_require={"cluster": ["distributed"], "regression": ["pysindy"]},
     entry_points={"console_scripts": scripts},
 )

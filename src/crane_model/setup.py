@@ -32,7 +32,6 @@ setup(
         "pyyaml",
         "scipy",
         "tqdm",
-        "typing-extensions",
     ],
     entry_points={"console_scripts": [f"{NAME} = {TOOL}"]},
 )

@@ -9,8 +9,8 @@ TOOLS = {  # they run without ROS
     "recover": "crane_nodes.recording.recover:main",
 }
 NODES = {
-    "player": "crane_nodes.recording.player:main",
-    "recorder": "crane_nodes.recording.recorder:main",
+    "player": "crane_nodes.recording.player_node:main",
+    "recorder": "crane_nodes.recording.recorder_node:main",
     "robot_state_publisher": "crane_nodes.robot_state_publisher:main",
 }
 

@@ -8,11 +8,11 @@ PACKAGE = "crane_observer"
 TOOLS = {  # they run without ROS
     "check_sensors": "crane_observer.check_sensors:main",
     "estimate_positions": "crane_observer.estimate_positions:main",
-    "weigh": "crane_observer.weigh:main",
+    "estimate_payload": "crane_observer.estimate_payload:main",
 }
 NODES = {
-    "position_sensor": "crane_observer.node.position_sensor_node:main",
-    "scale": "crane_observer.node.scale_node:main",
+    "position_estimator": "crane_observer.node.position_estimator_node:main",
+    "payload_estimator": "crane_observer.node.payload_estimator_node:main",
     "sensor_monitor": "crane_observer.node.sensor_monitor_node:main",
 }
 

@@ -9,8 +9,8 @@ TOOLS = {  # they run without ROS
     "film": "crane_sim.drawing.film:main",
     "make_bag": "crane_sim.make_bag:main",
     "picture": "crane_sim.drawing.picture:main",
-    "planted": "crane_sim.planted:main",
-    "simulated_crane": "crane_sim.bus.simulated_crane:main",
+    "true_values": "crane_sim.true_values:main",
+    "simulated_crane": "crane_sim.simulated_crane:main",
     "view": "crane_sim.drawing.view:main",
 }
 
@@ -47,7 +47,6 @@ setup(
         "pydantic>=2",
         "pyyaml",
         "scipy",
-        "typing-extensions",
     ],
     entry_points={"console_scripts": scripts},
 )

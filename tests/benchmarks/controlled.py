@@ -1,4 +1,4 @@
-"""A stand-in machine behind a bus, under a controller of `crane_trajectory.control`, 200 Hz."""
+"""A simulated crane behind a bus, under a controller of `crane_trajectory.control`, 200 Hz."""
 
 from typing import NamedTuple
 
@@ -6,16 +6,16 @@ import numpy as np
 from benchmarks.controlled_machines import Controlled
 
 from crane_model.machine_files import machine_file
-from crane_sim.plant.closed_loop import DELAY, REST, LatePlant, SimulatedRecording, record
+from crane_sim.plant.closed_loop import BUS_DELAY_S, REST_S, LatePlant, SimulatedRecording, record
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.interface import (
+from crane_trajectory.control.controller import (
     ControlCondition,
     Controller,
     SensorReading,
     Wanted,
     WrappedController,
+    load_gains,
 )
-from crane_trajectory.control.pd_dead_zone import load_gains
 from crane_trajectory.motion.motion import Motion
 
 SWINGS = 3.0  # Hz, above which speed beside the reference is ripple
@@ -44,7 +44,7 @@ class Run(NamedTuple):
         if period is not None:
             begin += period * motion.trajectory.period
             end = begin + motion.trajectory.period
-        time = recording.time - REST
+        time = recording.time - REST_S
         inside = (time >= begin) & (time < end)
         wanted, truth = recording.reference, recording.truth
         error = (wanted.position - truth.position)[inside]
@@ -68,7 +68,7 @@ class Watched(WrappedController):
     def __init__(self, controller: Controller, motion: Motion):
         super().__init__(controller)
         self._motion = motion
-        self._time = -REST
+        self._time = -REST_S
         self.worst = ControlCondition.AT_REST
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
@@ -88,9 +88,9 @@ def drive(
 ) -> Run:
     """From rest to rest, `late` s later than the live suite is."""
     behind = plant(
-        machine.stand_in, machine.machine, motion.start, machine.hidden, DELAY + late, seed=7
+        machine.simulated, machine.machine, motion.start, machine.hidden, BUS_DELAY_S + late, seed=7
     )
-    sensors = Sensors(machine.stand_in.sensors, machine.machine, 0)
+    sensors = Sensors(machine.simulated.sensors, machine.machine, 0)
     gains = load_gains(machine_file("controller.yaml", machine.name), machine.machine)
     watched = Watched(controller, motion)
     return Run(motion, record(motion, behind, sensors, gains, controller=watched), watched.worst)

@@ -1,4 +1,4 @@
-"""Stand-in machines to be controlled."""
+"""Simulated cranes to be controlled."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,15 +8,15 @@ import numpy as np
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_sim.effects.form import Planted
-from crane_sim.effects.forms import FORMS
-from crane_sim.parts.parameters import Edges, StandIn, load_stand_in
+from crane_sim.effects.kernel import FORMS
+from crane_sim.parts.parameters import Edges, SimulatedCrane, load_simulated_crane
 
 
 class Controlled(NamedTuple):
-    """A machine, and the stand-in for it with what it hides; its files are in the folder `name`."""
+    """A machine, its simulated crane and injected effects; its files are in the folder `name`."""
 
     machine: Machine
-    stand_in: StandIn
+    simulated: SimulatedCrane
     hidden: tuple[Planted, ...] = ()
     name: str = DEFAULT_MACHINE
 
@@ -40,24 +40,26 @@ class Controlled(NamedTuple):
         return self._replace(hidden=(*self.hidden, *more))
 
 
-def stock(name: str = DEFAULT_MACHINE, stand_in: str = "stand_in.yaml") -> Controlled:
+def stock(name: str = DEFAULT_MACHINE, simulated: str = "simulated_crane.yaml") -> Controlled:
     """As its files have it."""
     machine = load_machine(name)
-    return Controlled(machine, load_stand_in(machine_file(stand_in, name), machine), name=name)
+    return Controlled(
+        machine, load_simulated_crane(machine_file(simulated, name), machine), name=name
+    )
 
 
 def loaded(mass: float) -> Controlled:
     """With a mass [kg] in the gripper."""
     machine = stock()
-    gripper = machine.stand_in.bodies["gripper"]
+    gripper = machine.simulated.bodies["gripper"]
     heavy = gripper.model_copy(update={"mass": gripper.mass + mass})
-    bodies = {**machine.stand_in.bodies, "gripper": heavy}
-    return machine._replace(stand_in=machine.stand_in.model_copy(update={"bodies": bodies}))
+    bodies = {**machine.simulated.bodies, "gripper": heavy}
+    return machine._replace(simulated=machine.simulated.model_copy(update={"bodies": bodies}))
 
 
 def hard(frequency: float, play: float, spread: float, seed: int = 3) -> Controlled:
     """Dynamic friction, slow valves [Hz] with play, the gains of their edges unequal by a share."""
-    machine = stock(stand_in="stand_in_dynamic_friction.yaml")
+    machine = stock(simulated="simulated_crane_dynamic_friction.yaml")
     rng = np.random.default_rng(seed)
 
     def edges() -> Edges:
@@ -65,10 +67,10 @@ def hard(frequency: float, play: float, spread: float, seed: int = 3) -> Control
 
     valves = {
         joint: valve.model_copy(update={"natural_frequency": frequency, "edges": edges()})
-        for joint, valve in machine.stand_in.valves.items()
+        for joint, valve in machine.simulated.valves.items()
     }
-    stand_in = machine.stand_in.model_copy(update={"valves": valves})
-    return machine._replace(stand_in=stand_in).hiding("valve_hysteresis", [play])
+    simulated = machine.simulated.model_copy(update={"valves": valves})
+    return machine._replace(simulated=simulated).hiding("valve_hysteresis", [play])
 
 
 def bending(share: float = 0.3, frequency: float = 3.0, damping: float = 0.05) -> Controlled:
@@ -88,7 +90,7 @@ def other_laws(
     pressure.
     """
     machine = stock()
-    oil = machine.stand_in.oil.model_copy(update={"laminar_drop": laminar})
-    machine = machine._replace(stand_in=machine.stand_in.model_copy(update={"oil": oil}))
+    oil = machine.simulated.oil.model_copy(update={"laminar_drop": laminar})
+    machine = machine._replace(simulated=machine.simulated.model_copy(update={"oil": oil}))
     machine = machine.hiding("valve_dead_zone", [band, 0.5 * band])
     return machine.hiding("internal_leakage", [leak]).hiding("air_in_oil", [air])

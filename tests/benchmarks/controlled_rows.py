@@ -15,9 +15,8 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import write_bag
 from crane_trajectory.control.choice import OF_THE_MODEL, PD_DEAD_ZONE, SideBySide
+from crane_trajectory.control.controller import Controller, PdDeadZone, load_gains
 from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
-from crane_trajectory.control.interface import Controller
-from crane_trajectory.control.pd_dead_zone import PdDeadZone, load_gains
 from crane_trajectory.control.valves_and_oil import ValvesAndOil, identified
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion, plan
@@ -114,7 +113,7 @@ def motion(name: str = "excitation_20s", periods: int = 2, machine: str = stock(
 def planned(trajectory: PeriodicTrajectory, machine: Controlled, periods: int = 1) -> Motion:
     """From where the machine rests."""
     clearance = load_clearance(machine_file("clearance.yaml", machine.name))
-    return plan(machine.machine, trajectory, machine.stand_in.start, periods, clearance)
+    return plan(machine.machine, trajectory, machine.simulated.start, periods, clearance)
 
 
 @cache

@@ -28,7 +28,7 @@ from crane_driver.can.link import Link
 from crane_interfaces.msg import ValveCommand
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_nodes.scheduling import prefer
+from crane_nodes.this_computer import prefer
 
 HERE = Path(__file__).parent
 FLOOR = 10.0  # s

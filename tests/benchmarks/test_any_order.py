@@ -10,7 +10,7 @@ from unit.crane_driver.can.traffic import any_bus
 from unit.crane_driver.driven import Driven
 from unit.crane_driver.safety.any_order import Happening
 
-from crane_driver.safety.states import SafetyState
+from crane_driver.safety.supervisor import SafetyState
 
 EVENTS = 10_000_000
 EVENTS_A_LIFE = 100_000

@@ -13,9 +13,9 @@ from crane_model.machine import load_machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting
+from crane_model.terms.drives import RotorInertia
 from crane_model.terms.friction import Coulomb, Viscous
-from crane_model.terms.rigid_body import RotorInertia
-from crane_model.terms.serial_rigid_body import SerialRigidBody
+from crane_model.terms.rigid_body import SerialRigidBody
 from crane_model.terms.single_axis import Offset
 
 KUKA = Path(__file__).parents[1] / "machines" / "kuka_kr300.yaml"

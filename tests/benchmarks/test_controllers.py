@@ -30,9 +30,9 @@ from benchmarks.controlled_rows import (
 )
 
 from crane_model.machine_files import machine_file
-from crane_sim.plant.closed_loop import REST, LatePlant
+from crane_sim.plant.closed_loop import REST_S, LatePlant
 from crane_trajectory.control.choice import MAY_LEARN, OF_THE_MODEL, PD_DEAD_ZONE, learning
-from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
+from crane_trajectory.control.controller import ControlCondition, Point, SensorReading, Wanted
 from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries, load_trajectory
 
 CRANE: Controlled = stock()
@@ -46,7 +46,7 @@ class Dipping(LatePlant):
     """Its supply dips for 20 s, from 8 s into the trajectory on."""
 
     def advance(self, command: np.ndarray, duration: float) -> None:
-        into = self.time - REST - motion().excitation_start
+        into = self.time - REST_S - motion().excitation_start
         supply = 13e6 if 8.0 < into < 28.0 else CRANE.machine.hydraulics.supply_pressure
         oil = self._constants.oil._replace(set_pressure=supply)
         self._constants = self._constants._replace(oil=oil)
@@ -139,7 +139,7 @@ def test_gentle_motion(measured: Measured) -> None:
 
 
 def test_slew(measured: Measured) -> None:
-    slew, still = slice(0, 1), CRANE.stand_in.start
+    slew, still = slice(0, 1), CRANE.simulated.start
     joints = {
         joint: JointSeries(offset=q, sine=(0.0,), cosine=(0.01,))
         for joint, q in zip(CRANE.joints, still, strict=True)
@@ -170,7 +170,7 @@ def test_learning_does_not_diverge(law: str, measured: Measured) -> None:
     row(measured, what, "0.4/0.6/0.4 in all, ends within 0.1 count of its best", shown)
     assert not done.worst.stops
     assert (np.array(course) <= (0.4, 0.6, 0.4)).all()
-    counts = CRANE.stand_in.sensors.encoder_resolution
+    counts = CRANE.simulated.sensors.encoder_resolution
     count = np.array([1e3 * counts[joint] for joint in CRANE.joints])[BOOMS]
     assert (course[-1] <= np.min(course, axis=0) + 0.1 * count).all(), course
 

@@ -15,17 +15,17 @@ from benchmarks.controlled_rows import (
 )
 
 from crane_model.model_file import Model
-from crane_observer.scale.scale import Scale
+from crane_observer.payload.estimator import PayloadEstimator
 from crane_trajectory.control.choice import led_by_model
-from crane_trajectory.control.interface import Controller, SensorReading, Wanted, WrappedController
-from crane_trajectory.control.load import FedLoad, ToldLoad
+from crane_trajectory.control.controller import Controller, SensorReading, Wanted, WrappedController
+from crane_trajectory.control.flow_feedforward import FedLoad, ToldLoad
 
 LOAD, HEAVIEST = 100.0, 150.0  # kg
 AS_MUCH = 1.1  # times the largest step of a command without it
 
 
 class FedController(WrappedController):
-    """Scale and controller as the nodes `scale` and `trajectory` have them, in one loop: both are
+    """Payload estimator and controller as their nodes have them, in one loop: both are
     shown the same readings.
     """
 
@@ -34,7 +34,7 @@ class FedController(WrappedController):
         assert led is not None
         super().__init__(controller)
         self._led = led
-        self._scale, self.load = Scale(model), FedLoad(heaviest)
+        self._scale, self.load = PayloadEstimator(model), FedLoad(heaviest)
         machine = self._scale.machine
         self._columns = np.array([machine.index(joint) for joint in model.joints])
         self._time = 0.0

@@ -16,9 +16,9 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.terms import Setting
+from crane_model.terms.drives import RotorInertia
 from crane_model.terms.friction import Coulomb, Viscous
-from crane_model.terms.rigid_body import RotorInertia
-from crane_model.terms.serial_rigid_body import SerialRigidBody
+from crane_model.terms.rigid_body import SerialRigidBody
 from crane_model.terms.single_axis import Offset
 from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
 from crane_trajectory.excitation.limits import Limit, load_design_settings, pull_back, smooth_record

@@ -25,11 +25,11 @@ class Found:
         self.content = content
         self.verdict = content["verdict"]
         self.effects = {(one["effect"], one["joint"]) for one in content["findings"]}
-        self.alone = not any(one["class_members"] for one in content["findings"])
+        self.alone = not any(one["ambiguity_group"] for one in content["findings"])
 
     def errors(self, side: str) -> list[float]:
         """Held-out errors of the axes in percent, `before` or `after`."""
-        told = self.content["gap"][side]
+        told = self.content["model_error"][side]
         return [100.0 * told[axis]["force_relative_error"] for axis in AXES]
 
     def show(self, measured: Measured, absent: str, right: str) -> None:

@@ -8,9 +8,8 @@ import pytest
 from unit.crane_identification.synthetic import FORCE_NOISE, crane_log, crane_model
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis import explain, findings
+from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.diagnosis import diagnose
-from crane_identification.diagnosis.report import page
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
@@ -45,7 +44,7 @@ def test_loads_are_named_alike_in_any_order(
     said = []
     for order in islice(permutations(training), 0, 120, 120 // ORDERS):
         found = diagnose(crane_model(), order, held_out, Options(), load_thresholds())
-        said.append(findings.content(found))
+        said.append(found.results().plain())
     first = said[0]
     assert all(one == first for one in said)
     assert first["verdict"] == "named"
@@ -58,13 +57,13 @@ def test_loads_are_named_alike_in_any_order(
     }
     masses = [one["value"] for one in finding["parameters"]]
     assert masses == pytest.approx([6.5, 12.0], abs=0.2)
-    weighed = {one["recording"]: one["value"] for one in first["gap"]["loads"]}
+    weighed = {one["recording"]: one["value"] for one in first["model_error"]["loads"]}
     assert weighed == pytest.approx(HELD_OUT, abs=0.2)
     page.write(tmp_path / "report.html", found, Provenance.of("now", ["diagnose"], "model"))
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "What a recording carries is its own." in text
     assert "No load, from which masses count, in <code>b</code>, <code>c</code>." in text
-    lines = "\n".join(explain.lines(first))
+    lines = "\n".join(words.lines(first))
     assert "no load, from which masses count, in b, c" in lines
     assert "each with its own load, estimated from it: f" in lines
 
@@ -77,5 +76,5 @@ def test_a_model_with_the_loads_of_other_recordings_is_asked_anew(
     elsewhere = Payload(loads=(Load(runs=(1,), recordings=("of another session",)),))
     known = crane_model().with_term(elsewhere)
     found = diagnose(known, training, held_out, Options(), load_thresholds())
-    (finding,) = findings.content(found)["findings"]
+    (finding,) = found.results().plain()["findings"]
     assert finding["carried_in"]["none"] == ["b", "c"]

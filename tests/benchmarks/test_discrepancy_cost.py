@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 pytest.importorskip("mujoco")
 
 from crane_benchmark.answers.answer_cases import given
-from crane_benchmark.cases.case import CaseKind, Site
+from crane_benchmark.cases.case import CaseKind, Simulator
 from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_benchmark.cases.make_cases import MakingJob, make_case
 from crane_benchmark.folders import Folders
@@ -23,7 +23,7 @@ from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 
-SETS = {Site.HOME: CaseSet.TUNING, Site.AWAY: CaseSet.AWAY_TUNING}
+SETS = {Simulator.PRIMARY: CaseSet.TUNING, Simulator.INDEPENDENT: CaseSet.INDEPENDENT_TUNING}
 KINDS = (CaseKind.SINGLE, CaseKind.PAIR, CaseKind.NOTHING)  # the first case of each
 TO_MAKE, TO_ANSWER = 10.0, 10.0  # s of processor time
 
@@ -56,17 +56,17 @@ def test_the_start_of_a_process(measured) -> None:
     )
 
 
-@pytest.mark.parametrize("site", Site)
+@pytest.mark.parametrize("simulator", Simulator)
 @threadpool_limits.wrap(1)  # one process a core, as in the benchmark
-def test_a_case(tmp_path: Path, measured, site: Site) -> None:
-    every = cases(SETS[site], 40)
+def test_a_case(tmp_path: Path, measured, simulator: Simulator) -> None:
+    every = cases(SETS[simulator], 40)
     chosen = [next(one for one in every if one.kind is kind) for kind in KINDS]
     make_case(MakingJob(chosen[0], Folders(tmp_path / "first"), 2))  # compiles what there is
     folders = Folders(tmp_path / "set")
     making = [taken(partial(make_case, MakingJob(one, folders, 2))) for one in chosen]
     cpu, wall = np.mean(making, axis=0)
     measured(
-        f"eight bags of a case, {site.value}, processor time, mean of {len(chosen)}",
+        f"eight bags of a case, {simulator.value}, processor time, mean of {len(chosen)}",
         f"at most {TO_MAKE:g} s",
         "{cpu:.1f} s, at most {most:.1f} s ({wall:.1f} s by the clock)",
         cpu=cpu,
@@ -79,7 +79,7 @@ def test_a_case(tmp_path: Path, measured, site: Site) -> None:
     answering = [taken(partial(diagnose, *one, Options(), thresholds)) for one in recordings]
     answered, later = np.mean(answering, axis=0)
     measured(
-        f"one diagnosis of them, {site.value}, processor time, mean of {len(chosen)}",
+        f"one diagnosis of them, {simulator.value}, processor time, mean of {len(chosen)}",
         f"at most {TO_ANSWER:g} s",
         "{answered:.1f} s, at most {most:.1f} s ({later:.1f} s by the clock)",
         answered=answered,

@@ -51,7 +51,7 @@ def of_children() -> float:
 
 
 def conditions(point: np.ndarray) -> tuple[float, float]:
-    candidate = PROBLEM.fitted(PROBLEM.start_limits.mend(point), "found")
+    candidate = PROBLEM.fitted(PROBLEM.start_limits.repaired(point), "found")
     phi = one_period(MODEL, candidate.trajectory, PROBLEM.search.samples).reshape(-1, 20)
     raw, normalised = condition_numbers(phi.T @ phi)
     return float(raw), float(normalised)
@@ -79,7 +79,7 @@ def slsqp_by_differences(rng: np.random.Generator, seconds: float) -> np.ndarray
             ],
             options={"maxiter": stage.iterations, "ftol": stage.tolerance},
         )
-        found.append(limits.mend(result.x))
+        found.append(limits.repaired(result.x))
     return min(found, key=PROBLEM.value)
 
 

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from crane_benchmark.measured import of_joints
-from crane_identification.data.bag_log import read_bag
+from crane_identification.data.recording_log import read_bag
 from crane_identification.fitting import fit, validate
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_sim.make_bag import main as make_bag
-from crane_sim.parts.parameters import load_stand_in
-from crane_sim.planted import planted
+from crane_sim.parts.parameters import load_simulated_crane
+from crane_sim.true_values import true_parameters
 
 BAGS = ("excitation_20s.yaml", "validation_20s.yaml")
 
@@ -28,7 +28,7 @@ def test_fit_to_bags_made_faster_than_real_time(
         assert make_bag([*words, "--out", str(tmp_path / name)]) == 0
     training, held_out = (read_bag(tmp_path / name, model.joints) for name in BAGS)
     fitted = fit(model, [training])
-    true = {one.name: one.value for one in planted(load_stand_in(), load_machine())}
+    true = {one.name: one.value for one in true_parameters(load_simulated_crane(), load_machine())}
     found = fitted.estimate
     off = np.abs(found.values - [true[name] for name in found.names]) / found.std_devs
     (validation,) = validate(fitted.model, [held_out])

@@ -83,8 +83,9 @@ def shells(ros_domain: int, tmp_path: Path) -> Iterator[Shells]:
 
 
 def commands() -> list[str]:
-    """Of the page, one after the other."""
-    page = "\n".join(BLOCK.findall(text("docs/how_to/follow.md"))).replace("\\\n", " ")
+    """Of the page, one after the other, up to the crane that follows."""
+    steps = text("docs/how_to/follow.md").partition("## Feed the payload")[0]
+    page = "\n".join(BLOCK.findall(steps)).replace("\\\n", " ")
     lines = (line.partition("#")[0].strip() for line in page.splitlines())
     return [line for line in lines if line]
 

@@ -16,18 +16,18 @@ from unit.crane_identification.hydraulics.valve_experiments import (
     truth,
 )
 
-from crane_benchmark.study.hydraulic_aims import AHEAD, AIMS, worst
+from crane_benchmark.study.following import AHEAD, HYDRAULIC_AIMS, worst
 from crane_identification.data.arguments import Sources
 from crane_identification.data.log import Log
 from crane_identification.fitting import fit
 from crane_identification.hydraulics.joint_estimate import identify_hydraulics, identify_joint
 from crane_identification.options import Options
 from crane_identification.report.summary import Summary
-from crane_identification.validation.command_validation import validate_commands
+from crane_identification.validation.motion_validation import validate_commands
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import silent
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 from crane_sim.plant.closed_loop import mean_delay
 from crane_trajectory.motion.periodic import Probe
 
@@ -38,7 +38,9 @@ DEMO = ROOT / "runs" / "demo"
 LIVE_BAGS = 12
 
 
-def changed(stand_in: StandIn, frequency: float | None = None, unequal: float = 0.0) -> StandIn:
+def changed(
+    simulated: SimulatedCrane, frequency: float | None = None, unequal: float = 0.0
+) -> SimulatedCrane:
     """With valves of a frequency [Hz], whose gain is larger and smaller by a share one way."""
     edges = {
         **dict.fromkeys(("supply_a", "b_tank"), 1.0 + unequal),
@@ -46,21 +48,21 @@ def changed(stand_in: StandIn, frequency: float | None = None, unequal: float = 
     }
     valves = {}
     for joint in MACHINE.joint_names:
-        valve = stand_in.valves[joint]
+        valve = simulated.valves[joint]
         update: dict[str, object] = {"edges": valve.edges.model_copy(update=edges)}
         if frequency is not None:
             update["natural_frequency"] = frequency
         valves[joint] = valve.model_copy(update=update)
-    return stand_in.model_copy(update={"valves": type(stand_in.valves)(**valves)})
+    return simulated.model_copy(update={"valves": type(simulated.valves)(**valves)})
 
 
-def dynamic() -> StandIn:
-    return load_stand_in(machine_file("stand_in_dynamic_friction.yaml"))
+def dynamic() -> SimulatedCrane:
+    return load_simulated_crane(machine_file("simulated_crane_dynamic_friction.yaml"))
 
 
-PLANTS: dict[str, tuple[Callable[[], StandIn], float]] = {
-    "stock": (load_stand_in, 0.0),
-    "gains +-10 %": (lambda: changed(load_stand_in(), unequal=0.1), 0.0),
+PLANTS: dict[str, tuple[Callable[[], SimulatedCrane], float]] = {
+    "stock": (load_simulated_crane, 0.0),
+    "gains +-10 %": (lambda: changed(load_simulated_crane(), unequal=0.1), 0.0),
     "LuGre, 12 Hz, 1 % hysteresis, gains +-10 %": (lambda: changed(dynamic(), 12.0, 0.1), 0.01),
     "LuGre, 6 Hz, 3 % hysteresis, gains +-20 %": (lambda: changed(dynamic(), 6.0, 0.2), 0.03),
 }
@@ -70,20 +72,20 @@ PLANTS: dict[str, tuple[Callable[[], StandIn], float]] = {
 @pytest.mark.parametrize("plant", PLANTS)
 def test_one_bag_tells_the_hydraulics(plant: str, live: bool, measured: Measured) -> None:
     make, width = PLANTS[plant]
-    stand_in = make()
+    simulated = make()
     planted = [play(joint, width) for joint in FITTED] if width else []
-    log = recorded(stand_in, seed=11, planted=planted, live=live)
+    log = recorded(simulated, seed=11, planted=planted, live=live)
     found = {joint: identify_joint(MACHINE, joint, [log], PERIOD).values for joint in FITTED}
     values, planted_values = {}, {}
     for joint in FITTED:
-        true = truth(stand_in, joint, width)
-        true["lag"] += mean_delay(stand_in.sensors.period) if live else 0.0
+        true = truth(simulated, joint, width)
+        true["lag"] += mean_delay(simulated.sensors.period) if live else 0.0
         for name, one in found[joint].values.items():
             if one.std_dev is not None:
                 values[f"{name}.{joint}"] = one.value, one.std_dev
                 planted_values[f"{name}.{joint}"] = true[name]
     missed = []
-    for what, aim in AIMS.items():
+    for what, aim in HYDRAULIC_AIMS.items():
         error, std_dev = worst(aim, values, planted_values)
         allowed = aim.live if live else aim.made
         kind = "live" if live else "made"
@@ -96,13 +98,13 @@ def test_one_bag_tells_the_hydraulics(plant: str, live: bool, measured: Measured
 
 def test_dead_volumes_of_many_live_bags(measured: Measured) -> None:
     """One bag may be lucky: how far off they are in the mean, and whether that is what is told."""
-    names, stand_in = AIMS["dead volumes"].names, load_stand_in()
+    names, simulated = HYDRAULIC_AIMS["dead volumes"].names, load_simulated_crane()
     errors, told = [], []
     for seed in range(LIVE_BAGS):
-        log = recorded(stand_in, seed=300 + seed, live=True)
+        log = recorded(simulated, seed=300 + seed, live=True)
         for joint in FITTED:
             found = identify_joint(MACHINE, joint, [log], PERIOD).values
-            true = truth(stand_in, joint)
+            true = truth(simulated, joint)
             for name in names:
                 std_dev = found.values[name].std_dev
                 assert std_dev is not None
@@ -113,7 +115,7 @@ def test_dead_volumes_of_many_live_bags(measured: Measured) -> None:
     std_devs = np.median(np.reshape(told, by_value), axis=0)
     measured(
         f"dead volumes A and B, {LIVE_BAGS} live bags, rms ({', '.join(FITTED)})",
-        AIMS["dead volumes"].told(AIMS["dead volumes"].live),
+        HYDRAULIC_AIMS["dead volumes"].told(HYDRAULIC_AIMS["dead volumes"].live),
         "; ".join(" ".join(f"{one:.1%}" for one in joint) for joint in rms)
         + f"; largest median σ {std_devs.max():.1%}",
     )
@@ -131,10 +133,10 @@ def test_the_bag_of_the_demo_tells_the_hydraulics(measured: Measured) -> None:
     lags = [found[joint].values["lag"].value for joint in FITTED]
     measured("lag, bag of the demo, between joints", "0.0005 s", f"{np.ptp(lags):.2g} s")
     missed = []
-    for what, aim in AIMS.items():
+    for what, aim in HYDRAULIC_AIMS.items():
         errors = []
         for joint in FITTED:
-            true = truth(load_stand_in(), joint)
+            true = truth(load_simulated_crane(), joint)
             for name in aim.names if what != "lag" else ():
                 error = abs(found[joint].values[name].value - true[name])
                 errors.append(error if aim.unit else error / true[name])
@@ -143,23 +145,23 @@ def test_the_bag_of_the_demo_tells_the_hydraulics(measured: Measured) -> None:
             measured(f"{what}, bag of the demo, of each joint", aim.told(aim.live), each)
             if max(errors) > aim.live:
                 missed.append(f"{what}: {aim.told(max(errors))}, at most {aim.told(aim.live)}")
-    assert np.ptp(lags) < AIMS["lag"].live
+    assert np.ptp(lags) < HYDRAULIC_AIMS["lag"].live
     assert not missed
 
 
 @pytest.mark.parametrize("frequency", [25.0, 12.0, 6.0])
 def test_a_probe_tells_how_fast_the_valves_are(frequency: float, measured: Measured) -> None:
     """Where commands arrive without jitter."""
-    stand_in = changed(load_stand_in(), frequency)
+    simulated = changed(load_simulated_crane(), frequency)
     errors, shares = [], []
-    logs = [recorded(stand_in, seed=14, probe=probe) for probe in (Probe(amplitude=0.02), None)]
+    logs = [recorded(simulated, seed=14, probe=probe) for probe in (Probe(amplitude=0.02), None)]
     for joint in FITTED:
         probed, plain = (
             identify_joint(MACHINE, joint, [log], PERIOD).values.valve.natural_frequency
             for log in logs
         )
         assert probed.std_dev is not None and plain.std_dev is not None
-        errors.append(abs(probed.value / truth(stand_in, joint)["natural_frequency"] - 1.0))
+        errors.append(abs(probed.value / truth(simulated, joint)["natural_frequency"] - 1.0))
         shares.append(probed.std_dev / plain.std_dev)
     measured(
         f"natural frequency of a valve of {frequency:g} Hz, from 60 s with a probe",

@@ -25,7 +25,7 @@ import crane_identification.hydraulics
 import crane_model.hydraulics
 import crane_sim
 from crane_identification.hydraulics.joint_estimate import identify_joint
-from crane_sim.parts.parameters import load_stand_in, vary, vary_valves
+from crane_sim.parts.parameters import load_simulated_crane, vary, vary_valves
 
 Measured = Callable[[str, str, str], None]
 
@@ -55,11 +55,11 @@ class Outcome(NamedTuple):
 
 def experiment(seed: int) -> Outcome:
     """Of a drawn machine with drawn valves."""
-    stand_in = vary_valves(vary(load_stand_in(), seed), MACHINE, seed)
-    log = recorded(stand_in, seed=seed)
+    simulated = vary_valves(vary(load_simulated_crane(), seed), MACHINE, seed)
+    log = recorded(simulated, seed=seed)
     outcome = Outcome([], [])
     for joint in FITTED:
-        found, true = identify_joint(MACHINE, joint, [log], PERIOD).values, truth(stand_in, joint)
+        found, true = identify_joint(MACHINE, joint, [log], PERIOD).values, truth(simulated, joint)
         values = [found.values[name] for name in COVERED]
         off = [(v.value - true[n]) / v.std_dev for n, v in zip(COVERED, values, strict=True)]
         outcome.errors.append(off)

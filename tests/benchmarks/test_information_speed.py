@@ -10,7 +10,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 from unit.crane_identification.online.online_crane import crane, motion
 
-from crane_identification.scale.information import Information
+from crane_identification.scale.summed import Information
 from crane_model.record import Record
 
 SAMPLES, REPEATS = 50_000, 25

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from crane_nodes.this_computer import PROFILES, RANGE
+from crane_nodes.this_computer import DISCOVERY_RANGE, PROFILES
 
 PROGRAM = Path(__file__).with_name("joining_node.py")
 NEWCOMER = "newcomer"
@@ -47,7 +47,7 @@ def test_a_node_that_joins_holds_up_others(
 ) -> None:
     """Where Fast DDS is as it comes."""
     monkeypatch.delenv(PROFILES, raising=False)
-    monkeypatch.setenv(RANGE, "LOCALHOST")
+    monkeypatch.setenv(DISCOVERY_RANGE, "LOCALHOST")
     measured(
         f"rclpy alone, `LOCALHOST`, nodes: {count}, another joins {JOINED} times; longest publish",
         "",
@@ -60,7 +60,7 @@ def test_a_node_that_joins_holds_up_others(
 def test_none_is_held_up_in_the_suites_shell(
     count: int, ros_domain: int, measured: Callable[..., None]
 ) -> None:
-    assert os.environ[RANGE] == "SYSTEM_DEFAULT"
+    assert os.environ[DISCOVERY_RANGE] == "SYSTEM_DEFAULT"
     longest = longest_publish(count)
     measured(
         f"the same in the shell of `scripts/env.sh`, nodes: {count}; longest publish",

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from crane_benchmark.cases.case import Case, CaseKind
-from crane_benchmark.cases.clean import load_seen, save_clean
-from crane_benchmark.cases.sites import drawn_machine
+from crane_benchmark.cases.simulators import drawn_machine, load_seen, save_clean
 from crane_benchmark.scores.truth import NOTHING_LEFT, CaseTruth
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_sim.hiding.calibrate import moved
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_sim.calibration import moved
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
@@ -30,15 +29,15 @@ def left(folder: Path, seed: int, off: bool) -> float:
     motion = plan(
         machine,
         load_trajectory(machine_file("excitation_20s.yaml")),
-        drawn.stand_in.start,
+        drawn.simulated.start,
         1,
         load_clearance(machine_file("clearance.yaml")),
     )
     gains = load_gains(machine_file("controller.yaml"), machine)
     path = folder / f"{seed}-{off}.npz"
-    save_clean(path, moved((), machine, drawn.stand_in, motion, gains, drawn.build))
+    save_clean(path, moved((), machine, drawn.simulated, motion, gains, drawn.build))
     seen = load_seen([path], [[]], 0)
-    return float(CaseTruth(case, drawn.stand_in, (), seen, seen).gap(model).max())
+    return float(CaseTruth(case, drawn.simulated, (), seen, seen).gap(model).max())
 
 
 @pytest.mark.parametrize("off", KINDS)

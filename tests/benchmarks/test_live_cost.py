@@ -24,7 +24,7 @@ from known_crane import write_known_model
 from crane_interfaces.msg import DriverState
 from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient
-from crane_nodes.scheduling import prefer
+from crane_nodes.this_computer import prefer
 
 MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "20"))  # s
 MOVING = 3.0  # s after the first valve command, until the experiment is well under way
@@ -35,7 +35,8 @@ PERIODS = 2  # of 20 s
 MEASURES = "/joint_states", "/cylinder_pressures"  # topics that are there without an experiment
 IDENTIFICATION = (("crane_identification", "identification"),)
 OBSERVERS = tuple(
-    ("crane_observer", name) for name in ("position_sensor", "sensor_monitor", "scale")
+    ("crane_observer", name)
+    for name in ("position_estimator", "sensor_monitor", "payload_estimator")
 )
 PACKAGES = {
     "simulated_crane": "crane_sim",
@@ -48,9 +49,9 @@ TARGETS = {  # ms of CPU time a cycle where the measured loop takes 28 ms
     "trajectory": 0.6,
     "simulated_crane": 1.2,
     "identification": 0.6,
-    "position_sensor": 0.6,
+    "position_estimator": 0.6,
     "sensor_monitor": 0.6,
-    "scale": 0.6,
+    "payload_estimator": 0.6,
     "recorder": 0.4,
 }
 P50, P99 = 2.0, 5.0  # ms, encoder frame to valve frame, on every computer

@@ -10,10 +10,10 @@ import numpy as np
 from unit.crane_observer.observed import known, recording
 
 from crane_observer.monitor.replay import SensorWatch
-from crane_observer.position.sensor import PositionSensor
-from crane_observer.scale.scale import Scale
+from crane_observer.payload.estimator import PayloadEstimator
+from crane_observer.position.estimator import PositionEstimator
 
-LOST = 1  # the outer boom, whose encoder the position sensor does without
+LOST = 1  # the outer boom, whose encoder the position estimator does without
 AT_MOST = 1.0  # ms a cycle
 HOUR = 3600.0  # s
 PAUSE = 0.5  # s between two rounds of the recording, in which nothing is heard
@@ -25,8 +25,8 @@ class Observers:
     """All three, from the same readings."""
 
     def __init__(self) -> None:
-        self.position = PositionSensor(known(), recording().encoders[0])
-        self.monitor, self.scale = SensorWatch(known()), Scale(known())
+        self.position = PositionEstimator(known(), recording().encoders[0])
+        self.monitor, self.scale = SensorWatch(known()), PayloadEstimator(known())
         self.told = 0
 
     def cycle(self, k: int, now: float) -> None:

@@ -26,7 +26,7 @@ from crane_driver.can.bus import BusSettings
 from crane_driver.can.link import Link
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_nodes.scheduling import RealTime, RealTimeSettings
+from crane_nodes.this_computer import RealTime, RealTimeSettings
 
 MEASURED = float(os.environ.get("CRANE_REALTIME_SECONDS", "20"))  # s, each row
 SETTLING = 3.0  # s

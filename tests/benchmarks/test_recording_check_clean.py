@@ -13,12 +13,12 @@ from crane_identification.recording_check.check import check
 from crane_model.errors import RangeError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_sim.calibration import calibrate
 from crane_sim.effects.form import Form, Planted
-from crane_sim.effects.forms import FORMS
-from crane_sim.hiding.calibrate import calibrate
-from crane_sim.hiding.label import HiddenEffect, Spec
-from crane_sim.parts.parameters import load_stand_in, vary, vary_valves
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_sim.effects.kernel import FORMS
+from crane_sim.ground_truth import InjectedEffect, Spec
+from crane_sim.parts.parameters import load_simulated_crane, vary, vary_valves
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 
 MACHINES = 40
@@ -30,10 +30,10 @@ def suspected(seed: int) -> tuple[str, list[str], bool]:
     """What the machine hides, what is suspected of its recordings, and whether decisively."""
     rng = np.random.default_rng([20261122, seed])
     machine = load_machine()
-    stand_in = vary(load_stand_in(), seed)
+    simulated = vary(load_simulated_crane(), seed)
     if seed % 3 == 0:
-        stand_in = vary_valves(stand_in, machine, seed)
-    maker = Maker(rng, machine, stand_in.start, load_clearance(machine_file("clearance.yaml")))
+        simulated = vary_valves(simulated, machine, seed)
+    maker = Maker(rng, machine, simulated.start, load_clearance(machine_file("clearance.yaml")))
     train, validate = maker.of_the_field(1) if seed % 4 == 0 else maker.designed(1)
     planted: tuple[Planted, ...] = ()
     if seed % 2:
@@ -43,14 +43,14 @@ def suspected(seed: int) -> tuple[str, list[str], bool]:
             lambda spec: calibrate(
                 spec,
                 machine,
-                stand_in,
+                simulated,
                 train[0],
                 load_gains(machine_file("controller.yaml"), machine),
             ),
         )
     found = []
     for number, course in enumerate((*train, *validate)):
-        checked = check(machine, recorded(stand_in, course, 10 * seed + number, planted))
+        checked = check(machine, recorded(simulated, course, 10 * seed + number, planted))
         found += checked.suspicions
     hidden = ", ".join(f"{one.form.effect} {one.form.name} {one.joint}" for one in planted)
     return hidden, [str(one) for one in found], any(one.decisive for one in found)
@@ -67,7 +67,7 @@ def _hidden(rng, seed, planted):
     ]
     for k in rng.permutation(len(forms)):
         form, joint = forms[k]
-        effect = HiddenEffect(effect=form.effect, joint=joint, form=form.name, strength=STRENGTH)
+        effect = InjectedEffect(effect=form.effect, joint=joint, form=form.name, strength=STRENGTH)
         try:
             return planted(Spec(seed=seed, effects=(effect,)))
         except RangeError:

@@ -1,4 +1,4 @@
-"""Three routes to velocity and acceleration, scored against the true motion of the stand-in."""
+"""Three routes to velocity and acceleration, against the true motion of the simulated crane."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,25 +7,24 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from crane_identification.data.bag_log import read_bag
 from crane_identification.data.log import Log, Signal
+from crane_identification.data.recording_log import read_bag
 from crane_identification.fitting import fit
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
-from crane_identification.signals.butterworth import ButterworthDifferentiator
-from crane_identification.signals.fourier import FourierFit
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.motion import MotionEstimator
+from crane_identification.signals.routes import ButterworthDifferentiator, FourierFit
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import write_bag
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_sim.planted import planted
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_sim.true_values import true_parameters
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
@@ -52,11 +51,13 @@ class Score(NamedTuple):
     parameters: float
 
 
-@pytest.fixture(scope="module", params=["stand_in.yaml", "stand_in_dynamic_friction.yaml"])
+@pytest.fixture(
+    scope="module", params=["simulated_crane.yaml", "simulated_crane_dynamic_friction.yaml"]
+)
 def experiment(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Experiment:
-    machine, parameters = load_machine(), load_stand_in(machine_file(request.param))
+    machine, parameters = load_machine(), load_simulated_crane(machine_file(request.param))
     trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
     motion = plan(
         machine,
@@ -76,7 +77,7 @@ def experiment(
     write_bag(path, machine, made)
     velocity = made.truth.velocity[:, 1:]
     acceleration = np.gradient(velocity, made.time, axis=0)
-    theta = np.array([one.value for one in planted(parameters, machine)])
+    theta = np.array([one.value for one in true_parameters(parameters, machine)])
     return Experiment(read_bag(path, model().joints), velocity, acceleration, theta)
 
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from crane_identification.data.bag_log import read_bag
 from crane_identification.data.log import Log
+from crane_identification.data.recording_log import read_bag
 from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.fitting import fit
 from crane_identification.options import Options
@@ -38,7 +38,7 @@ def model() -> Model:
 
 @pytest.fixture(scope="module")
 def logs(model: Model, tmp_path_factory: pytest.TempPathFactory) -> list[Log]:
-    """Two recordings of the stand-in machine, of different noise."""
+    """Two recordings of the simulated crane, of different noise."""
     trajectory = str(machine_file("excitation_20s.yaml"))
     out = [tmp_path_factory.mktemp("bags") / f"bag_{seed}" for seed in (1, 2)]
     for seed, path in enumerate(out):

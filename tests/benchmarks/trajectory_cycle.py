@@ -15,8 +15,7 @@ from sensor_msgs.msg import JointState
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.control.choice import controller
-from crane_trajectory.control.interface import Controller
-from crane_trajectory.control.pd_dead_zone import Tuning, load_gains
+from crane_trajectory.control.controller import Controller, Tuning, load_gains
 from crane_trajectory.experiment import Experiment
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import ReferenceClock, plan

@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Time
 from rosgraph_msgs.msg import Clock
 from crane_interfaces.msg import ValveCommand
 from crane_nodes.executor import KeptExecutor
-from crane_nodes.node_time import CLOCK_TOPIC, NEWEST, NodeTime
+from crane_nodes.node_time import CLOCK_TOPIC, NEWEST_TICK, NodeTime
 command, paused, done = {}, False, threading.Event()
 told = queue.SimpleQueue()  # each is published once at least
 def read():
@@ -39,7 +39,7 @@ def tick(message):
     clock.tell(message)
     publish()
 if clock.simulated:
-    node.create_subscription(Clock, CLOCK_TOPIC, tick, NEWEST)
+    node.create_subscription(Clock, CLOCK_TOPIC, tick, NEWEST_TICK)
 else:
     node.create_timer(0.01, publish)
 executor = KeptExecutor()

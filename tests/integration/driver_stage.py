@@ -38,15 +38,13 @@ from std_srvs.srv import Trigger
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec, MachineCodec
-from crane_driver.can.frame import Frame
+from crane_driver.can.frame import STEP, TIME, Frame, told_time
 from crane_driver.can.link import Link
-from crane_driver.can.simulated_time import STEP, TIME, told_time
 from crane_interfaces.msg import CylinderPressures
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
-from crane_nodes.executor import KeptExecutor
+from crane_nodes.executor import KeptExecutor, Polled
 from crane_nodes.node_time import CLOCK_TOPIC, NodeTime, Pacing
-from crane_nodes.polled import Polled
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 DEEP = QoSProfile(depth=2000)  # messages, that the test has not taken yet

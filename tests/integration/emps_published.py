@@ -7,7 +7,7 @@ from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.table_log import read_table
 from crane_identification.options import Covariance, Options
-from crane_identification.signals.butterworth import ButterworthDifferentiator
+from crane_identification.signals.routes import ButterworthDifferentiator
 from crane_model.configuration import load, packaged
 
 FILES = packaged("crane_benchmark", "emps/model.yaml").parent

@@ -32,7 +32,7 @@ sys.exit(main(sys.argv[1:]))
 # A machine whose valve unit gives back no counter of a command; SIGUSR1 begins and ends that.
 DEAF_MACHINE = f"""
 import signal
-from crane_sim.bus.machine_on_bus import ValveUnit
+from crane_sim.machine_on_bus import ValveUnit
 receive, deaf = ValveUnit.receive, []
 signal.signal(signal.SIGUSR1, lambda number, _: deaf.pop() if deaf else deaf.append(number))
 def half_deaf(unit, frame):

@@ -18,13 +18,13 @@ JOG = RUN.format(module="crane_driver.operator.jog.jog_node")
 # A jog whose terminal does not end before the file FREE exists.
 SLOW_TO_END = """
 import pathlib, time
-from crane_driver.operator.jog import screen
-end = screen.Screen.__exit__
+from crane_driver.operator.jog import jog_node
+end = jog_node.Screen.__exit__
 def slowly(*given):
     while not pathlib.Path({free!r}).exists():
         time.sleep(0.01)
     return end(*given)
-screen.Screen.__exit__ = slowly
+jog_node.Screen.__exit__ = slowly
 """
 REPEAT = 1 / 30  # s, of a key
 CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")

@@ -37,11 +37,11 @@ PATIENCE = 900.0  # s, bounds a failing test
 SIMULATED = ("-p", "use_sim_time:=true")
 LISTENERS = ("trajectory", "identification", "recorder")
 MODULES = {
-    "crane": "crane_sim.bus.simulated_crane",
+    "crane": "crane_sim.simulated_crane",
     "driver": "crane_driver.driver_node",
     "trajectory": "crane_trajectory.trajectory_node",
     "identification": "crane_identification.online.identification_node",
-    "recorder": "crane_nodes.recording.recorder",
+    "recorder": "crane_nodes.recording.recorder_node",
     "excitation": "crane_trajectory.run_excitation_node",
 }
 SIGNALS = (
@@ -57,7 +57,9 @@ TRAJECTORY = {
         "telescope": {"offset": 0.4, "sine": [0.1], "cosine": [0.05]},
     },
 }
-SHORT_PATIENCE = "import crane_nodes.scheduling; crane_nodes.scheduling.PATIENCE_S = 3.0; " + RUN
+SHORT_PATIENCE = (
+    "import crane_nodes.this_computer; crane_nodes.this_computer.PATIENCE_S = 3.0; " + RUN
+)
 
 
 class Suite:

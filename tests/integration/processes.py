@@ -18,16 +18,16 @@ RUN = "import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"
 # The process gets its priority when it is imported: an import would hold up a crane that moves.
 URGENT = """
 import os, sys
-from crane_nodes.scheduling import prefer
+from crane_nodes.this_computer import prefer
 from {module} import main
 prefer(os.getpid(), {priority})
 sys.exit(main(sys.argv[1:]))
 """
 # Precedes a program whose simulated time soon goes on without a process that was stopped.
-IMPATIENT = "import crane_nodes.scheduling; crane_nodes.scheduling.PATIENCE_S = 5.0\n"
+IMPATIENT = "import crane_nodes.this_computer; crane_nodes.this_computer.PATIENCE_S = 5.0\n"
 DRIVER = RUN.format(module="crane_driver.driver_node")
-MACHINE = RUN.format(module="crane_sim.bus.simulated_crane")
-URGENT_MACHINE = URGENT.format(module="crane_sim.bus.simulated_crane", priority=MACHINE_PRIORITY)
+MACHINE = RUN.format(module="crane_sim.simulated_crane")
+URGENT_MACHINE = URGENT.format(module="crane_sim.simulated_crane", priority=MACHINE_PRIORITY)
 SIMULATED_TIME = ("-p", "use_sim_time:=true")
 
 

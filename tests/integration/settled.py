@@ -59,7 +59,7 @@ class Answer:
         return cls(
             content["verdict"],
             [
-                {(one["effect"], one["joint"]) for one in (found, *found["class_members"])}
+                {(one["effect"], one["joint"]) for one in (found, *found["ambiguity_group"])}
                 for found in content["findings"]
             ],
         )
@@ -114,8 +114,8 @@ def record(folder: Path, name: str, trajectory: Path, periods: int, seed: int) -
     run(
         make_bag,
         *("--trajectory", trajectory, "--periods", periods, "--seed", seed),
-        *("--out", folder / name, "--hide", known if known.exists() else folder / "spec.yaml"),
-        *("--label", folder / f"{name}.json", "--plant", folder / "stand_in.yaml"),
+        *("--out", folder / name, "--inject", known if known.exists() else folder / "spec.yaml"),
+        *("--ground-truth", folder / f"{name}.json", "--plant", folder / "simulated_crane.yaml"),
     )
 
 
@@ -124,9 +124,9 @@ def narrowly_recorded(folder: Path, case: HiddenCase) -> None:
     effect = {"effect": case.effect, "joint": case.joint, "strength": case.strength}
     spec = {"seed": case.seed, "effects": [effect]}
     (folder / "spec.yaml").write_text(yaml.safe_dump(spec), encoding="utf-8")
-    plant = machine_file("stand_in.yaml").read_text(encoding="utf-8")
+    plant = machine_file("simulated_crane.yaml").read_text(encoding="utf-8")
     noisy = re.sub("pressure_noise: .*", NOISE, plant)
-    (folder / "stand_in.yaml").write_text(noisy, encoding="utf-8")
+    (folder / "simulated_crane.yaml").write_text(noisy, encoding="utf-8")
     for seed, (name, wide) in enumerate((*RECORDINGS, (HELD_OUT, RECORDINGS[1][1])), start=1):
         given = load_trajectory(machine_file(f"{wide}.yaml"))
         assert isinstance(given, FourierTrajectory)

@@ -1,4 +1,4 @@
-"""The excavator live: its stand-in on its bus, its driver, and a trajectory of its joints."""
+"""The excavator live: simulated on its bus, with its driver and a trajectory of its joints."""
 
 from collections.abc import Iterator
 

@@ -17,15 +17,15 @@ from integration.workshop import OFFSETS, VALVES, WIRING, Tool, Workshop
 from laboratory_crane import JOINTS
 
 from crane_driver.can.mapping import Mapping
-from crane_driver.operator.bringup.series import DeadBands, Result
+from crane_driver.operator.bringup.results import DeadBands, Result
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.configuration import load
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.plant import Plant
-from crane_trajectory.control.pd_dead_zone import command, load_gains
+from crane_trajectory.control.controller import command, load_gains
 
 MEASURED = ("inner_boom", "outer_boom")
 QUICK = ["--seconds", "0.5", "--rate", "0.1", "--repeats", "1"]
@@ -206,7 +206,7 @@ def test_identify_takes_the_valve_of_the_slew_from_its_ramps(
     assert found is not None
     assert f"slew: ramps of {date.today()}" in found.provenance
     assert set(found.joints) == set(JOINTS)
-    valve, true = found.joints["slew"].valve, load_stand_in().valves["slew"]
+    valve, true = found.joints["slew"].valve, load_simulated_crane().valves["slew"]
     gain = true.rated_flow / math.sqrt(true.rated_drop)
     for dead_zone, edge in (
         (valve.dead_zone_a, valve.supply_a),
@@ -283,7 +283,7 @@ def test_status_tells_what_has_been_done(shop: Workshop) -> None:
 
 def tracked(plant_file: Path, controller: Path) -> tuple[np.ndarray, np.ndarray]:
     """Errors (n, 2) of a sine of 0.1 rad and 0.03 Hz, and speeds (m, 2) after it, by new gains."""
-    parameters, machine = load_stand_in(plant_file), load_machine()
+    parameters, machine = load_simulated_crane(plant_file), load_machine()
     plant = Plant(parameters, machine, parameters.start)
     gains = load_gains(controller, load_machine()).arrays
     chain, density = parameters.sensors, parameters.jerk_density

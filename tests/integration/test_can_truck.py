@@ -8,10 +8,9 @@ import cantools.database
 import polars as pl
 import pytest
 
-from crane_driver.can.bus_log import CandumpLog
 from crane_driver.can.dbc import load_dbc
 from crane_driver.can.log_decoding import Cycle, cycles
-from crane_driver.can.log_formats import open_log
+from crane_driver.can.log_formats import CandumpLog, open_log
 from crane_driver.can.log_table import LogTable
 from crane_driver.decode import main
 

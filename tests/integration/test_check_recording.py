@@ -13,7 +13,7 @@ from crane_identification.identify import main as identify
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.make_bag import write_bag
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 
 MODEL = str(machine_file("model.yaml"))
 CAUSE = "telescope: chambers A and B are exchanged"
@@ -22,8 +22,12 @@ CAUSE = "telescope: chambers A and B are exchanged"
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     """A good one and a bad one."""
-    folder, machine, stand_in = tmp_path_factory.mktemp("bags"), load_machine(), load_stand_in()
-    recording = seen(stand_in, packaged_motion(machine, stand_in.start))
+    folder, machine, simulated = (
+        tmp_path_factory.mktemp("bags"),
+        load_machine(),
+        load_simulated_crane(),
+    )
+    recording = seen(simulated, packaged_motion(machine, simulated.start))
     pressures, j = recording.pressures, recording.cylinders.index("telescope")
     a, b = np.copy(pressures.chamber_a), np.copy(pressures.chamber_b)
     a[:, j], b[:, j] = pressures.chamber_b[:, j], pressures.chamber_a[:, j]

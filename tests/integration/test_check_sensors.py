@@ -9,7 +9,7 @@ import pytest
 from unit.crane_observer.observed import known
 
 from crane_identification.identify import main as identify
-from crane_identification.recording_check.check import lying
+from crane_identification.recording_check.check import faulty_sensors
 from crane_model.configuration import load
 from crane_model.machine_files import machine_file
 from crane_model.model_file import save_model
@@ -113,5 +113,7 @@ def test_identify_warns_of_it_by_an_earlier_model(
     assert identify(["--model", model, *given, "--out", str(tmp_path / "fit")]) == 0
     told = (tmp_path / "fit" / "summary.json").read_text(encoding="utf-8")
     assert f"{bad}: {NAMED}" in told
-    assert lying(known(), [Path(good)], np.inf) == ()
-    assert lying(known(), [Path(bad)], AT - 5.0) == ()  # with --to, what came later is left out
+    assert faulty_sensors(known(), [Path(good)], np.inf) == ()
+    assert (
+        faulty_sensors(known(), [Path(bad)], AT - 5.0) == ()
+    )  # with --to, what came later is left out

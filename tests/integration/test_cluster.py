@@ -11,8 +11,8 @@ from distributed import LocalCluster
 from crane_benchmark import benchmark
 from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_identification import identify
-from crane_identification.data.bag_log import read_bag
 from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.recording_log import read_bag
 from crane_identification.fitting import fit
 from crane_identification.options import Estimator, Options
 from crane_identification.scale.cluster import fit_on_cluster

@@ -1,4 +1,4 @@
-"""One joint on the software sensor: simulated crane, driver and position sensor as processes."""
+"""One joint on the software sensor: simulated crane, driver and position estimator as processes."""
 
 import math
 import subprocess
@@ -18,7 +18,7 @@ from crane_model.machine import load_machine
 from crane_model.model_file import save_model
 from crane_nodes.driver_client import DriverClient
 
-SENSOR = RUN.format(module="crane_observer.node.position_sensor_node")
+SENSOR = RUN.format(module="crane_observer.node.position_estimator_node")
 POSE = ["slew=0", "inner_boom=0.5", "outer_boom=-1.3", "telescope=0.6"]
 POSE_JOINTS = tuple(entry.partition("=")[0] for entry in POSE)
 LOST = "outer_boom"
@@ -47,7 +47,7 @@ def substituted(stage: Stage, joint: str) -> tuple[bool, str]:
 
 
 def begun(stage: Stage, model: Path) -> subprocess.Popen[str]:
-    """A position sensor that is told where the crane stands."""
+    """A position estimator that is told where the crane stands."""
     given = {"model": model, "start": str([stage.encoders[one] for one in POSE_JOINTS[1:]])}
     return start(SENSOR, *stage.ros(**given))
 
@@ -68,7 +68,7 @@ def fastest(stage: Stage, moved: Commander, side: float) -> float:
     return float((np.abs(where - where[behind])[long] / (when - when[behind])[long]).max())
 
 
-def test_a_joint_goes_on_by_the_position_sensor_until_that_ends(
+def test_a_joint_goes_on_by_the_position_estimator_until_that_ends(
     tmp_path: Path, stage: Stage
 ) -> None:
     model, limits = tmp_path / "model.yaml", load_machine().limits[LOST]

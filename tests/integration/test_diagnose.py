@@ -81,7 +81,7 @@ def test_a_machine_that_obeys_its_model_lacks_nothing(nothing: tuple[Path, str])
     content = _findings(out)
     assert content["verdict"] == "none" and content["findings"] == []
     assert "Nothing is missing" in said
-    for joint, error in content["gap"]["after"].items():
+    for joint, error in content["model_error"]["after"].items():
         assert error["force_relative_error"] < 2.0 * error["noise_floor"], joint
     assert load_model(out / "model.yaml").values is not None
     assert "Nothing is missing" in (out / "report.html").read_text(encoding="utf-8")
@@ -145,11 +145,11 @@ def emps(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_coulomb_friction_of_emps_is_found_then_its_asymmetry(emps: Path) -> None:
     """A constant force, as the authors have it, is next best."""
     first, second = _findings(emps)["findings"]
-    assert first["effect"] == "coulomb" and not first["class_members"]
-    assert second["effect"] == "viscous_asymmetry" and not second["class_members"]
+    assert first["effect"] == "coulomb" and not first["ambiguity_group"]
+    assert second["effect"] == "viscous_asymmetry" and not second["ambiguity_group"]
     assert second["runner_up"]["effect"] in {"offset", "coulomb_asymmetry"}
     assert second["margin"] > second["margin_needed"]
-    gap = _findings(emps)["gap"]
+    gap = _findings(emps)["model_error"]
     after = gap["after"]["axis"]["force_relative_error"]
     assert after < 0.2 * gap["before"]["axis"]["force_relative_error"]
 

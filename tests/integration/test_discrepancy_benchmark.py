@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from crane_benchmark.folders import Folders, done, new
-from crane_benchmark.scores import freeze
+from crane_benchmark.scores import lock
 from crane_benchmark.scores.judgement import Judgement
 
 CASES = 1  # a single effect
@@ -59,7 +59,7 @@ PEEK = """
 import sys
 from pathlib import Path
 from crane_benchmark.answers.answer_cases import blindfold
-from crane_benchmark.answers.confinement import PeekError
+from crane_benchmark.answers.answer_cases import PeekError
 from crane_benchmark.folders import Folders
 folders = Folders(Path(sys.argv[1]))
 label = Path("sealed") / sys.argv[2] / "case.json"
@@ -83,8 +83,8 @@ def test_the_answering_process_sees_neither_labels_nor_what_made_them(finished):
         "open(folders.bags / '..' / label)",
         "list(folders.top.iterdir())",
         "import crane_sim.plant.plant",
-        "import crane_benchmark.away.families",
-        "import crane_benchmark.away.plant",
+        "import crane_benchmark.independent.readings",
+        "import crane_benchmark.independent.plant",
         "import crane_benchmark.cases.case_sets",
         "import crane_benchmark.cases.case",
     )
@@ -112,7 +112,7 @@ def test_what_is_finished_is_not_made_again(finished):
 
 def test_other_thresholds_answer_the_same_bags_beside(finished):
     folders, _ = finished
-    opened = freeze.write_open(folders.top)
+    opened = lock.write_open(folders.top)
     what = ("--set", "tuning", "--cases", CASES, "--quick", "--workers", 1, "--keep-bags")
     ended = run("benchmark", *what, "--out", folders.top.parent, "--thresholds", opened)
     assert ended.returncode == 0, ended.stderr
@@ -132,5 +132,5 @@ def test_half_of_a_case_is_not_there(tmp_path):
 
 
 def test_too_few_cases_set_no_threshold(finished):
-    with pytest.raises(freeze.DataError, match="30 are needed"):
-        freeze.calibrated(finished[0])
+    with pytest.raises(lock.DataError, match="30 are needed"):
+        lock.calibrated(finished[0])

@@ -23,7 +23,7 @@ from integration.faults import (
 from integration.processes import DRIVER, IMPATIENT, end, start
 
 from crane_driver.can.codec import DriverCodec
-from crane_driver.safety.limits import load_safety
+from crane_driver.safety.commands import load_safety
 from crane_interfaces.msg import ValveCommand
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file

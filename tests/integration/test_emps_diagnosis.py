@@ -7,9 +7,8 @@ import pytest
 from integration.emps_published import recording
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.diagnosis import findings
-from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.diagnosis import diagnose
+from crane_identification.diagnosis.findings import Verdict
 from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import load_model
@@ -62,5 +61,5 @@ def test_friction_that_depends_on_the_direction_is_named_first(
     assert first.parameters[0].value == pytest.approx(-38.0, abs=5.0)
     assert found.gap.after[0] < 0.5 * found.gap.before[0]
     more = verdict is Verdict.AND_MORE
-    assert ("something more is missing" in found.reason) is more
-    assert findings.content(found)["left"]["axis"]["law"] is more
+    assert ("a systematic residual is left" in found.reason) is more
+    assert found.results().plain()["left"]["axis"]["systematic"] is more

@@ -11,7 +11,7 @@ import pytest
 import workspace
 from machine import Machine
 
-from crane_nodes.this_computer import MIDDLEWARE, PROFILES, RANGE, variables
+from crane_nodes.this_computer import DISCOVERY_RANGE, MIDDLEWARE, PROFILES, variables
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = [
@@ -71,7 +71,7 @@ def sourced(shell: dict[str, str], then: str = "true") -> dict[str, str]:
         check=True,
     )
     found = dict(line.split("=", 1) for line in done.stdout.splitlines() if "=" in line)
-    return {name: found[name] for name in (RANGE, MIDDLEWARE, PROFILES) if name in found}
+    return {name: found[name] for name in (DISCOVERY_RANGE, MIDDLEWARE, PROFILES) if name in found}
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def sourced(shell: dict[str, str], then: str = "true") -> dict[str, str]:
     [
         {},
         {MIDDLEWARE: ""},
-        {RANGE: "LOCALHOST"},
+        {DISCOVERY_RANGE: "LOCALHOST"},
         {MIDDLEWARE: "rmw_cyclonedds_cpp"},
         {PROFILES: "/etc/other.xml"},
     ],
@@ -93,9 +93,9 @@ def test_nodes_of_other_computers_are_not_seen(shell: dict[str, str]) -> None:
 
 
 def test_unless_the_shell_asks_for_them() -> None:
-    asked = {RANGE: "SUBNET", MIDDLEWARE: "rmw_fastrtps_cpp"}
-    assert sourced({RANGE: "SUBNET"}) == asked
-    assert sourced({}, f"export {RANGE}=SUBNET") == asked
+    asked = {DISCOVERY_RANGE: "SUBNET", MIDDLEWARE: "rmw_fastrtps_cpp"}
+    assert sourced({DISCOVERY_RANGE: "SUBNET"}) == asked
+    assert sourced({}, f"export {DISCOVERY_RANGE}=SUBNET") == asked
 
 
 def test_another_middleware_is_kept_to_this_computer_too() -> None:

@@ -1,4 +1,4 @@
-"""`estimate_positions` on a bag of the stand-in machine."""
+"""`estimate_positions` on a bag of the simulated crane."""
 
 import csv
 from pathlib import Path

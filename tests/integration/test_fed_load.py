@@ -15,7 +15,7 @@ from crane_interfaces.msg import TipLoad
 from crane_model.machine_files import machine_file
 from crane_trajectory.experiment import Outcome
 
-SCALE = RUN.format(module="crane_observer.node.scale_node")
+PAYLOAD_ESTIMATOR = RUN.format(module="crane_observer.node.payload_estimator_node")
 LOAD = 60.0  # kg, which no model knows of
 TOLD, LED = "/tip_load", "load at the tip [kg]"
 REPORTED = 2.0  # s, in which /diagnostics has the end of a goal
@@ -24,7 +24,7 @@ REPORTED = 2.0  # s, in which /diagnostics has the end of a goal
 @pytest.fixture
 def stage(tmp_path: Path, ros_domain: int) -> Iterator[Stage]:
     """A crane that carries the load."""
-    plant = yaml.safe_load(machine_file("stand_in.yaml").read_text())
+    plant = yaml.safe_load(machine_file("simulated_crane.yaml").read_text())
     plant["bodies"]["gripper"]["mass"] += LOAD
     file = tmp_path / "loaded.yaml"
     file.write_text(yaml.safe_dump(plant))
@@ -54,7 +54,7 @@ def test_the_crane_is_led_with_the_load_while_the_scale_tells_it(
     model = write_known_model(tmp_path / "model.yaml")
     told: list[TipLoad] = []
     stage.node.create_subscription(TipLoad, TOLD, told.append, 10)
-    scale = start(SCALE, *stage.ros(model=model))
+    scale = start(PAYLOAD_ESTIMATOR, *stage.ros(model=model))
     given = {"law": "flow_feedforward", "model": model, "largest_tip_load": 150.0}
     parameters = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
     crane = Led(stage, tmp_path, *parameters)

@@ -1,4 +1,4 @@
-"""From the stand-in machine to a fitted, validated model, by the executables alone."""
+"""From the simulated crane to a fitted, validated model, by the executables alone."""
 
 import json
 import subprocess
@@ -39,7 +39,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 @pytest.fixture(scope="module")
 def planted() -> dict[str, float]:
     """Theta of the machine, and its hydraulics."""
-    return json.loads(_run("crane_sim", "planted", "--json").stdout)
+    return json.loads(_run("crane_sim", "true_values", "--json").stdout)
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,8 @@ from crane_interfaces.msg import ValveCommand
 HOLD = 0.12  # s, that a character holds its joint
 STOP = 0.15  # s after the last character: ramp and period added
 SLACK = 0.15  # s, for bus, driver and this test
-MOVING = 0.08  # a spool command that moves the simulated crane
-DEAD_BAND, RISE = 0.05, 0.25 / 0.3  # of jog by default: spool command, and per second
+MOVING = 0.08  # a valve command that moves the simulated crane
+DEAD_BAND, RISE = 0.05, 0.25 / 0.3  # of jog by default: valve command, and per second
 LATE = 0.02  # s, of a stamp after the time for which its command was made
 DEADMAN, INNER_BOOM = 4, 4  # button and axis by default
 BOOM = 1  # place of the inner boom in /joint_states

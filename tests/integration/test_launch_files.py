@@ -17,10 +17,10 @@ from crane_driver.driver_parameters import driver_parameters
 from crane_identification.online.identification_node import PARAMETERS as IDENTIFICATION
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
-from crane_observer.node.position_sensor_node import PARAMETERS as POSITION_SENSOR
-from crane_observer.node.scale_node import PARAMETERS as SCALE
+from crane_observer.node.payload_estimator_node import PARAMETERS as PAYLOAD_ESTIMATOR
+from crane_observer.node.position_estimator_node import PARAMETERS as POSITION_ESTIMATOR
 from crane_observer.node.sensor_monitor_node import PARAMETERS as SENSOR_MONITOR
-from crane_trajectory.trajectory_parameters import parameters_of
+from crane_trajectory.trajectory_topics import parameters_of
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted([*ROOT.glob("crane_*/launch/*.py"), *ROOT.glob("src/*/launch/*.py")])
@@ -31,9 +31,9 @@ DECLARED = {
     "driver": {one.name for one in driver_parameters(load_machine(), DEFAULT_MACHINE)},
     "trajectory": {one.name for one in parameters_of()},
     "identification": {one.name for one in IDENTIFICATION},
-    "position_sensor": {one.name for one in POSITION_SENSOR},
+    "position_estimator": {one.name for one in POSITION_ESTIMATOR},
     "sensor_monitor": {one.name for one in SENSOR_MONITOR},
-    "scale": {one.name for one in SCALE},
+    "payload_estimator": {one.name for one in PAYLOAD_ESTIMATOR},
     "recorder": set(),
     "player": set(),
     "robot_state_publisher": set(),

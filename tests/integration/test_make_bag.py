@@ -1,4 +1,4 @@
-"""Bags of the stand-in machine, made by the executable."""
+"""Bags of the simulated crane, made by the executable."""
 
 import json
 import subprocess
@@ -97,7 +97,7 @@ def test_forces_are_as_hard_as_those_of_the_report(topics: dict[str, TopicData])
     """F4 peaks near 3000 N, with telescope and gripper under 200 kg."""
     effort = topics[JOINT_STATES.name].select(["telescope"]).fields["effort"]
     assert 2000.0 < np.nanmax(np.abs(effort)) < 4000.0
-    planted = json.loads(_run("planted", "--json").stdout)
+    planted = json.loads(_run("true_values", "--json").stdout)
     assert planted["m_TL"] < 200.0
 
 

@@ -14,10 +14,10 @@ from rclpy.node import Node
 
 REFERENCE = text("docs/reference/nodes.md") + text("docs/reference/topics.md")
 COMMANDS = text("docs/reference/command_line.md")
-LAUNCH_FILES = text("docs/reference/launch_files.md")
+LAUNCH_FILES = text("docs/how_to/ros.md")
 PACKAGES = (
     *("crane_driver", "crane_trajectory", "crane_identification", "crane_sim", "crane_nodes"),
-    *("crane_observer", "crane_viewer", "crane_benchmark"),
+    *("crane_observer", "crane_viewer", "crane_benchmark", "crane_model"),
 )
 INHERITED = {"/rosout", "/parameter_events"}
 JOINTS_OF_MACHINE = "|".join(JOINTS)

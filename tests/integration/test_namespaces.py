@@ -14,9 +14,9 @@ from integration.test_manual_nodes import INHERITED, NODES
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 
-from crane_identification.data.bag_log import read_bag
+from crane_identification.data.recording_log import read_bag
 
-RECORDER = RUN.format(module="crane_nodes.recording.recorder")
+RECORDER = RUN.format(module="crane_nodes.recording.recorder_node")
 TRAVEL = 0.02  # rad
 SHARED = {"/diagnostics"}  # by all nodes of a domain; names of statuses begin with the node's
 READY = {

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from integration.settled import MODEL, RECORDINGS, HiddenCase, narrowly_recorded
 
-from crane_identification.data.bag_log import read_bag
+from crane_identification.data.recording_log import read_bag
 from crane_identification.estimation.prior import load_prior
 from crane_identification.fitting import fit
 from crane_identification.options import Options

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from crane_model.configuration import bounds
 from crane_model.machine_files import machine_file
 from crane_nodes.parameters import Number, Numbers, Switch, Text, declare, hold
-from crane_trajectory.control.pd_dead_zone import JointGains
+from crane_trajectory.control.controller import JointGains
 from crane_trajectory.trajectory_node import Trajectory
 
 LAG = Number("lag", 0.2, "s", 0.05, 2.0, "Half the window")

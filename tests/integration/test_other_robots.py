@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 from manual import text
 
-PAGE = "docs/how_to/other_robots.md"
+PAGE = "docs/reference/other_robots.md"
 BLOCK = re.compile(r"```(\w+)\n(.*?)```", re.DOTALL)
 
 

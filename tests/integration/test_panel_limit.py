@@ -10,8 +10,7 @@ import pytest
 from integration.browser import installed
 from integration.driver_stage import Stage
 
-from crane_driver.operator.panel.pages import MOST_PAGES
-from crane_driver.operator.panel.web import LONGEST_MESSAGE
+from crane_driver.operator.panel.pages import LARGEST_MESSAGE_BYTES, MOST_PAGES
 
 websockets = pytest.importorskip("websockets", reason="websockets is not installed (make view)")
 
@@ -125,7 +124,7 @@ def test_a_page_beyond_the_limit_stops_the_crane_all_the_same(
         ({"Origin": "null"}, "", 403),
         ({}, "", 403),
         ({"Host": "evil.example", "Origin": "http://evil.example"}, "", 403),
-        ({"Origin": "{own}"}, " " * (LONGEST_MESSAGE + 1), 400),
+        ({"Origin": "{own}"}, " " * (LARGEST_MESSAGE_BYTES + 1), 400),
     ],
     ids=["another", "null", "none", "host", "long"],
 )
@@ -141,7 +140,7 @@ def test_a_stop_that_no_page_of_the_panel_asks_for_is_refused(
 
 def test_a_stop_without_a_line_answers_what_the_driver_did(stage: Stage, panel: Served) -> None:
     stage.disabled()
-    status, said = posted(panel, {"Origin": panel.url}, " " * LONGEST_MESSAGE)
+    status, said = posted(panel, {"Origin": panel.url}, " " * LARGEST_MESSAGE_BYTES)
     assert status == 200
     assert json.loads(said) == {"answer": "stop", "success": True, "message": "emergency stop"}
     stage.until(lambda: stopped(stage))

@@ -275,7 +275,7 @@ def test_full_disk_ends_the_recording(ros: Graph, bag: Path, tmp_path: Path) -> 
     while recorder.running:
         source.send(20)
     assert recorder.end() == 1
-    assert f"error: {bag}: cannot write: File too large; make room, then mend" in recorder.output
+    assert f"error: {bag}: cannot write: File too large; make room, then repair" in recorder.output
     ros.processes.clear()
     mended = tmp_path / "mended"
     assert ros.start("recover", bag, "--out", mended).end() == 0

@@ -9,7 +9,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from integration.recording_graph import LATCHED, Graph, graph, run
 
-from crane_identification.data.bag_log import read_bag
+from crane_identification.data.recording_log import read_bag
 from crane_identification.online.estimator import OnlineOptions
 from crane_identification.online.replay import replay
 from crane_interfaces.msg import ParameterEstimate
@@ -22,7 +22,7 @@ TOPICS = ("/joint_states", "/cylinder_pressures")
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One period of the stand-in machine."""
+    """One period of the simulated crane."""
     path = tmp_path_factory.mktemp("bags") / "one"
     trajectory = machine_file("excitation_20s.yaml")
     run("crane_sim", "make_bag", "--trajectory", trajectory, "--periods", 1, "--out", path)

@@ -31,7 +31,7 @@ def report() -> IdentificationReport:
         validations=tuple(compare(fitted.model, p, fitted.decimation) for p in data),
         warnings=("A warning.",),
         provenance=Provenance.of("2012-06-01", ["identify"], "crane.yaml"),
-        planted=PLANTED,
+        true_values=PLANTED,
         recursive=recursion(crane_model(), training),
     )
 

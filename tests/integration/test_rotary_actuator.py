@@ -50,9 +50,9 @@ def unloaded(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
 
 def test_gain_of_a_transducer_or_friction_of_a_direction(unloaded: dict[str, Any]) -> None:
     """Each stroke goes one way, at one speed, with all of its pressure behind it."""
-    assert unloaded["verdict"] == "class"
+    assert unloaded["verdict"] == "ambiguous"
     (finding,) = unloaded["findings"]
-    members = {finding["effect"], *(one["effect"] for one in finding["class_members"])}
+    members = {finding["effect"], *(one["effect"] for one in finding["ambiguity_group"])}
     assert members == {"chamber_gain", "coulomb_asymmetry", "viscous_asymmetry", "offset"}
     assert finding["score"] > 2.0 * finding["threshold"]
     assert "transducers" in finding["settled_by"]

@@ -169,7 +169,7 @@ def keystore(namespace: str, folder: Path) -> None:
 def crane(
     request: pytest.FixtureRequest, ros_domain: int, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Secured]:
-    """Stand-in machine, driver and trajectory node, where policies are enforced."""
+    """Simulated crane, driver and trajectory node, where policies are enforced."""
     if not importlib.util.find_spec("sros2"):
         pytest.skip("no ros2 security here: ROS as Python packages comes without it")
     folder = tmp_path_factory.mktemp("secured")
@@ -219,7 +219,7 @@ def test_who_is_not_listed_reaches_nobody(crane: Secured) -> None:
     assert "is heard" not in unlisted.said
 
 
-@pytest.mark.parametrize("name", ["scale", "recorder", "panel"])
+@pytest.mark.parametrize("name", ["payload_estimator", "recorder", "panel"])
 def test_who_is_listed_to_listen_may_not_command(crane: Secured, name: str) -> None:
     listed = crane.start(name, COMMANDER, name, "valve_command")
     assert listed.ends() != os.EX_OK

@@ -94,7 +94,7 @@ def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: St
         while not found(told):
             hold(stage, terminal, UP, 0.2)
         stage.until(stopped)
-        assert client.state.fault == DriverState.FAULT_LYING
+        assert client.state.fault == DriverState.FAULT_FAULTY_ENCODER
         assert client.state.source == "inner_boom"
         stage.until(lambda: not stage.valves[-1].enabled)
 

@@ -19,7 +19,7 @@ def test_the_experiment_that_is_named_settles_the_class(
     narrowly_recorded(tmp_path, CASE)
     before = diagnosed(tmp_path, "before")
     said = capsys.readouterr().out
-    assert before.verdict == "class"
+    assert before.verdict == "ambiguous"
     assert before.holds(CASE)
     (question,) = findings(tmp_path / "before")["open"]["questions"]
     members = {(one["effect"], one["joint"]) for one in question["members"]}

@@ -16,13 +16,12 @@ from known_crane import write_known_model
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
-from crane_driver.can.codec import DriverCodec
-from crane_driver.can.decoder import Readings
+from crane_driver.can.codec import DriverCodec, Readings
+from crane_driver.can.frame import TIME, step_frame, told_time
 from crane_driver.can.link import Link
-from crane_driver.can.simulated_time import TIME, step_frame, told_time
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.bus.simulated_crane import main
+from crane_sim.simulated_crane import main
 
 CYCLE = 0.005  # s
 POLL = 0.1  # s
@@ -117,7 +116,7 @@ def test_it_runs_in_real_time_and_says_how_well() -> None:
     assert any(due - left_out - 10 <= sent <= due + 10 for sent, due in windows), windows
 
 
-def test_the_twin_of_a_model_moves_in_its_place(tmp_path: Path) -> None:
+def test_an_identified_model_moves_in_its_place(tmp_path: Path) -> None:
     with at_work("--model", write_known_model(tmp_path / "model.yaml")) as bench:
         bench.until(lambda: bench.state == "Neutral")
         before = bench.position("telescope")

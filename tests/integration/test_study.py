@@ -46,10 +46,10 @@ def summary(printed: str, out: Path) -> dict[str, Any]:
     return json.loads((out / "summary.json").read_text(encoding="utf-8"))
 
 
-def test_recursion_finds_what_was_planted(summary, out):
-    planted = json.loads((out / "planted.json").read_text(encoding="utf-8"))
+def test_recursion_finds_true_values(summary, out):
+    true_values = json.loads((out / "true_values.json").read_text(encoding="utf-8"))
     for row in summary["recursive"]["parameters"]:
-        true = planted[row["name"]]
+        true = true_values[row["name"]]
         assert abs(row["value"] - true) < 0.1 * abs(true), row
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from integration.processes import end
 
-from crane_nodes.this_computer import PROFILES, RANGE
+from crane_nodes.this_computer import DISCOVERY_RANGE, PROFILES
 
 PROGRAM = """
 import sys
@@ -53,12 +53,14 @@ def listening(process: subprocess.Popen[str]) -> set[str]:
 def test_nodes_talk_through_the_loopback_alone(other_range: str, ros_domain: int) -> None:
     """With those of a shell without `env.sh`, too."""
     kept = dict(os.environ)
-    if kept[RANGE] != "SYSTEM_DEFAULT":
+    if kept[DISCOVERY_RANGE] != "SYSTEM_DEFAULT":
         pytest.skip("the profile is for Fast DDS")
     node = begin("kept", "other", kept)
     plain = {name: value for name, value in kept.items() if name != PROFILES}
     other = begin(
-        "other", "kept", kept if other_range == kept[RANGE] else plain | {RANGE: other_range}
+        "other",
+        "kept",
+        kept if other_range == kept[DISCOVERY_RANGE] else plain | {DISCOVERY_RANGE: other_range},
     )
     try:
         assert node.stdout is not None and other.stdout is not None

@@ -17,7 +17,7 @@ from lifecycle_msgs.msg import Transition
 from sensor_msgs.msg import JointState
 
 from crane_interfaces.action import RunExcitation
-from crane_nodes.names import UNNAMED
+from crane_nodes.managed import UNNAMED
 from crane_trajectory.experiment import Outcome
 from crane_trajectory.run_excitation_action import LONGEST_MESSAGE
 

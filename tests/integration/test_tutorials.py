@@ -53,7 +53,7 @@ def test_which_effect_is_missing(clone: Path) -> None:
     names = run("missing_effect.md")
     assert names["answer"]["verdict"] == "named"
     assert [(one["effect"], one["joint"]) for one in names["answer"]["findings"]] == [
-        (one["effect"], one["joint"]) for one in names["label"]["effects"]
+        (one["effect"], one["joint"]) for one in names["truth"]["effects"]
     ]
 
 
@@ -64,7 +64,7 @@ def test_your_machine_in_an_hour(clone: Path, capsys: pytest.CaptureFixture[str]
     assert "no actuator of type 'four_bars'; there are direct_cylinder, " in printed
     off = np.abs(list(names["off"].values()))
     assert len(off) == 38
-    assert names["off"].keys() < names["planted"].keys()  # which has the hydraulics, too
+    assert names["off"].keys() < names["true_values"].keys()  # which has the hydraulics, too
     assert np.sum(off < 2.0) >= 33
     assert off.max() < 5.0
     errors = names["summary"].heldout_relative_error

@@ -27,8 +27,8 @@ from crane_bags.clocks import NANOSECONDS
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver.can.frame import TIME, told_time
 from crane_driver.can.link import Link
-from crane_driver.can.simulated_time import TIME, told_time
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
@@ -61,7 +61,7 @@ class Workshop:
         self.truth = folder / "truth.yaml"
         self.truth.write_text(yaml.safe_dump(naive))
         plant = folder / "plant.yaml"
-        base = str(machine_file("stand_in.yaml"))
+        base = str(machine_file("simulated_crane.yaml"))
         plant.write_text(yaml.safe_dump({"base": base, "valves": VALVES}))
         self.plant = plant
         self.port = f"port={free_port()}"

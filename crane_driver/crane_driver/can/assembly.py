@@ -8,20 +8,32 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crane_driver.can.decoder import Readings, SamplingClock
+from crane_driver.can.codec import Readings
 from crane_driver.can.layout import Layout, MessageLayout
 from crane_driver.can.mapping import Timing
-from crane_driver.can.stream import DRIFT, Beat, FrameStream, find_beat, measured_cycle
+from crane_driver.can.stream import (
+    LARGEST_CLOCK_DRIFT,
+    Beat,
+    FrameStream,
+    SamplingClock,
+    find_beat,
+    measured_cycle,
+)
 
-# Which cycle a frame belongs to, by the counters of the messages that are sent together.
+# Frames of each message, after which it is known which counters belong together
+LEARNING_FRAMES = 60
+LONGEST_LEARNING_RATIO = 4  # times as many, after which devices sample at different instants
+LEARN_AGAIN_FRAMES = 20  # frames after which it is tried again
+MOST_WAITING_FRAMES = 500  # frames of a message, on average
+# Cycles between prompt frames, below which they are of one instant of sampling
+SAME_INSTANT_CYCLES = 0.25
+# Cycles, beyond which devices with clocks of their own have drifted by a whole one
+DRIFTED_APART_CYCLES = 0.6
+# Frames in a row whose cycle cannot be told, after which all is learnt anew
+MOST_REFUSED_FRAMES = 10
 
-LEARNT = 60  # frames of each message, after which it is known which counters belong together
-LONGEST_LEARNING = 4  # times as many, after which devices sample at different instants
-AGAIN = 20  # frames after which it is tried again
-MOST_WAITING = 500  # frames of a message, on average
-ALIKE = 0.25  # cycles between prompt frames, below which they are of one instant of sampling
-APART = 0.6  # cycles, beyond which devices with clocks of their own have drifted by a whole one
-REFUSED = 10  # frames in a row whose cycle cannot be told, after which all is learnt anew
+LONGEST_WAIT_CYCLES = 20  # cycles for which a frame is waited for
+CLOCK_SET_NS = 1_000_000_000  # ns; the wall clock was set if it goes back by more
 
 
 class Placed(NamedTuple):
@@ -46,10 +58,10 @@ class CycleNumbers:
     """
 
     def __init__(self, messages: Sequence[MessageLayout], timing: Timing):
-        self._layouts = {one.name: one for one in messages}
+        self._layouts = {layout.name: layout for layout in messages}
         self._missing = timing.missing
         alone = len(messages) == 1  # of nothing that it could be confused with
-        self._least, self._refusals = (1, 0) if alone else (LEARNT, REFUSED)
+        self._least, self._refusals = (1, 0) if alone else (LEARNING_FRAMES, MOST_REFUSED_FRAMES)
         self._streams: dict[str, FrameStream] = {}
         self._offsets: dict[str, int] = {}
         self._cycle = messages[0].cycle  # s, as measured
@@ -64,8 +76,8 @@ class CycleNumbers:
     @staticmethod
     def possible(messages: Sequence[MessageLayout]) -> bool:
         """Return whether all have a counter and the same cycle time."""
-        counted = all(one.protection.counter for one in messages)
-        return counted and len({one.cycle for one in messages}) == 1
+        counted = all(message.protection.counter for message in messages)
+        return counted and len({message.cycle for message in messages}) == 1
 
     def place(self, readings: Readings) -> list[Placed]:
         """The frames that have a number now, in order of reception."""
@@ -93,7 +105,7 @@ class CycleNumbers:
     def settle(self) -> list[Placed]:
         """No more frames come: those that wait, if what the few that came show is clear."""
         placed = self._learn(1)
-        self.dropped.update(one.message for one in self._waiting)
+        self.dropped.update(frame.message for frame in self._waiting)
         self._waiting.clear()
         self._forget()
         return placed
@@ -113,10 +125,10 @@ class CycleNumbers:
         if readings.steady - since > self._missing * self._layouts[message].cycle:
             return self.settle() + self._wait(readings)
         waiting.append(readings)
-        if len(waiting) > MOST_WAITING * len(self._layouts):
+        if len(waiting) > MOST_WAITING_FRAMES * len(self._layouts):
             self.dropped[waiting.popleft().message] += 1
         self._waited += 1
-        ready = self._least == 1 or self._waited % AGAIN == 0
+        ready = self._least == 1 or self._waited % LEARN_AGAIN_FRAMES == 0
         return self._learn(self._least) if ready else []
 
     def _learn(self, least: int) -> list[Placed]:
@@ -125,16 +137,16 @@ class CycleNumbers:
             return []
         received: dict[str, list[float]] = {name: [] for name in self._layouts}
         counters: dict[str, list[int]] = {name: [] for name in self._layouts}
-        for one in self._waiting:
-            counter = self._counter(one)
+        for frame in self._waiting:
+            counter = self._counter(frame)
             assert counter is not None  # others do not wait
-            received[one.message].append(one.steady)
-            counters[one.message].append(counter)
-        frames = min(len(one) for one in received.values())
+            received[frame.message].append(frame.steady)
+            counters[frame.message].append(counter)
+        frames = min(len(times) for times in received.values())
         if frames < least:
             return []
         beats: dict[str, Beat] = {}
-        most = LONGEST_LEARNING * LEARNT
+        most = LONGEST_LEARNING_RATIO * LEARNING_FRAMES
         self._cycle = self._common_cycle(received, counters)
         for name, layout in self._layouts.items():
             times, counts = np.array(received[name][-most:]), np.array(counters[name][-most:])
@@ -144,7 +156,7 @@ class CycleNumbers:
             beats[name] = beat
         first = next(iter(beats.values()))
         apart = {name: (first.base - beat.base) / self._cycle for name, beat in beats.items()}
-        alike = all(abs(value - round(value)) < ALIKE for value in apart.values())
+        alike = all(abs(value - round(value)) < SAME_INSTANT_CYCLES for value in apart.values())
         if not alike and frames < most:
             return []
         return self._begin(beats, {name: round(value) for name, value in apart.items()})
@@ -152,19 +164,19 @@ class CycleNumbers:
     def _common_cycle(
         self, received: dict[str, list[float]], counters: dict[str, list[int]]
     ) -> float:
-        """By which all send [s]: what are sampled together have one cycle, and only times divided
-        by the same one give numbers that can be compared.
+        """Cycle time of all messages [s]: those sampled together have one, and only times divided
+        by the same cycle give numbers that can be compared.
         """
         measured = [
             measured_cycle(
-                np.array(received[name][-LEARNT:]),
-                np.array(counters[name][-LEARNT:]),
+                np.array(received[name][-LEARNING_FRAMES:]),
+                np.array(counters[name][-LEARNING_FRAMES:]),
                 layout.cycle,
                 layout.protection.counter_count,
             )
             for name, layout in self._layouts.items()
         ]
-        if max(measured) - min(measured) > DRIFT * min(measured):
+        if max(measured) - min(measured) > LARGEST_CLOCK_DRIFT * min(measured):
             return next(iter(self._layouts.values())).cycle
         return float(np.mean(measured))
 
@@ -177,18 +189,18 @@ class CycleNumbers:
         waiting = list(self._waiting)
         self._waiting.clear()
         placed = []
-        for one in waiting:
-            if self._streams and one.steady < beats[one.message].received:
-                self.dropped[one.message] += 1
+        for frame in waiting:
+            if self._streams and frame.steady < beats[frame.message].received:
+                self.dropped[frame.message] += 1
             else:
-                placed += self.place(one)
+                placed += self.place(frame)
         return placed
 
     def _follow(self, name: str) -> None:
         """Devices with clocks of their own drift apart: now and then one is a cycle behind."""
-        first, own = next(iter(self._streams.values())), self._streams[name]
-        drift = (first.base - own.base) / own.cycle - self._offsets[name]
-        if abs(drift) > APART:
+        first, stream = next(iter(self._streams.values())), self._streams[name]
+        drift = (first.base - stream.base) / stream.cycle - self._offsets[name]
+        if abs(drift) > DRIFTED_APART_CYCLES:
             self._offsets[name] += 1 if drift > 0.0 else -1
 
     def _forget(self) -> None:
@@ -197,10 +209,6 @@ class CycleNumbers:
         self._streams, self._offsets, self._heard = {}, {}, {}
         self._waited = 0
         self._epoch += 1
-
-
-LONGEST_WAIT_CYCLES = 20  # cycles for which a frame is waited for
-CLOCK_SET = 1_000_000_000  # ns; the wall clock was set if it goes back by more
 
 
 class Complete(NamedTuple):
@@ -234,10 +242,10 @@ class Assembly:
     """
 
     def __init__(self, layout: Layout, kind: Literal["positions", "pressures"]):
-        carriers = [one for one in layout.readings if getattr(one, kind)]
+        carriers = [message for message in layout.readings if getattr(message, kind)]
         self._kind = kind
-        self._messages = frozenset(one.name for one in carriers)
-        self._cycle = min((one.cycle for one in carriers), default=0.0)
+        self._messages = frozenset(message.name for message in carriers)
+        self._cycle = min((message.cycle for message in carriers), default=0.0)
         self._unknown = dict.fromkeys(getattr(layout, kind), math.nan)
         self._numbers = (
             CycleNumbers(carriers, layout.timing) if CycleNumbers.possible(carriers) else None
@@ -265,17 +273,15 @@ class Assembly:
         return self._numbered(self._numbers.place(readings))
 
     def finish(self) -> list[Complete]:
-        """The cycles of frames that still wait for numbers: no more come."""
         return self._numbered(self._numbers.settle()) if self._numbers else []
 
     def _numbered(self, placed: Iterable[Placed]) -> list[Complete]:
-        """The cycles that frames with a number complete."""
         complete = []
-        for one in placed:
-            if one.epoch != self._epoch or self._done is None:
-                self._begin(one)
-            complete.append(self._add(one.number, one.readings, one.proven))
-        return [one for one in complete if one]
+        for frame in placed:
+            if frame.epoch != self._epoch or self._done is None:
+                self._begin(frame)
+            complete.append(self._add(frame.number, frame.readings, frame.proven))
+        return [cycle for cycle in complete if cycle]
 
     def _begin(self, first: Placed) -> None:
         """Numbers begin anew; what has come so far stays in pieces."""
@@ -299,35 +305,35 @@ class Assembly:
         assert self._done is not None
         if number <= self._done:  # a later cycle was complete before
             return None
-        one = self._open.get(number)
-        if one is None:
-            one = _Set(readings.stamp, readings.steady, dict(self._unknown))
-            self._open[number] = one
+        cycle = self._open.get(number)
+        if cycle is None:
+            cycle = _Set(readings.stamp, readings.steady, dict(self._unknown))
+            self._open[number] = cycle
             self._give_up([old for old in self._open if old <= number - LONGEST_WAIT_CYCLES])
-        elif readings.message in one.arrived:
+        elif readings.message in cycle.arrived:
             return None  # repeated
         if not proven:  # counted, if no other completes it
             return None
-        if not one.arrived:
-            one.stamp, one.steady = readings.stamp, readings.steady
-        one.arrived.add(readings.message)
-        one.values.update(getattr(readings, self._kind))
-        if len(one.arrived) < len(self._messages):
+        if not cycle.arrived:
+            cycle.stamp, cycle.steady = readings.stamp, readings.steady
+        cycle.arrived.add(readings.message)
+        cycle.values.update(getattr(readings, self._kind))
+        if len(cycle.arrived) < len(self._messages):
             return None
         del self._open[number]
         self._give_up([old for old in self._open if old < number])
         self._done = number
-        return self._stamped(number, one)
+        return self._stamped(number, cycle)
 
-    def _stamped(self, number: int, one: _Set) -> Complete | None:
+    def _stamped(self, number: int, cycle: _Set) -> Complete | None:
         """None, and given up, if it was not sampled after the last one: a clock is wrong."""
-        sampled = self._clock.sampled(number, one.steady) if self._numbers else one.steady
-        stamp = one.stamp - round((one.steady - sampled) * 1e9)
+        sampled = self._clock.sampled(number, cycle.steady) if self._numbers else cycle.steady
+        stamp = cycle.stamp - round((cycle.steady - sampled) * 1e9)
         back = self._last.stamp - stamp  # ns
-        if sampled <= self._last.sampled or 0 <= back < CLOCK_SET:
+        if sampled <= self._last.sampled or 0 <= back < CLOCK_SET_NS:
             self._given_up += 1
             return None
-        self._last = Complete(stamp, sampled, one.steady, one.values)
+        self._last = Complete(stamp, sampled, cycle.steady, cycle.values)
         return self._last
 
     def _give_up(self, numbers: list[int]) -> None:

@@ -3,13 +3,14 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TypeVar
 
 from cantools.database.can import Message, Signal
 from cantools.j1939 import pgn_from_frame_id
 
-from crane_driver.can.canopen_settings import identifiers
+from crane_driver.can.codec import SignalBits
 from crane_driver.can.dbc import (
     Dbc,
     code_bits,
@@ -19,7 +20,6 @@ from crane_driver.can.dbc import (
     raw_limits,
     to_channel,
 )
-from crane_driver.can.encoder import SignalBits
 from crane_driver.can.frame import show_id
 from crane_driver.can.layout import (
     UNPROTECTED,
@@ -39,8 +39,9 @@ from crane_driver.can.mapping import (
     PositionSignal,
     PressureSignal,
     Protection,
-    SpoolSignal,
     StateSignal,
+    ValveSignal,
+    identifiers,
     spellings,
     unit_of,
 )
@@ -48,8 +49,8 @@ from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 
-LONGEST = 8  # bytes, of classical CAN
-NEUTRAL = 1e-6  # share of the full opening that counts as none
+LARGEST_FRAME_BYTES = 8  # bytes, of classical CAN
+NEUTRAL_OPENING_SHARE = 1e-6  # share of the full opening that counts as none
 QUANTITY = {"rad": "angle", "m": "length"}
 COMMAND_QUANTITIES = ("ratio", "pressure", "current")
 Entry = TypeVar("Entry")
@@ -58,11 +59,27 @@ Entry = TypeVar("Entry")
 def load_layout(
     machine: Machine, mapping: Path | str, dbc: Path | str, listen_only: bool = False
 ) -> Layout:
-    """Layout of the mapping file and the DBC file of a machine.
+    """Read which signals of a machine's bus are its readings and its commands.
 
-    listen_only: nothing will be sent, so the mapping needs no commands, and those that it has need
-    not say what to send. `ConfigurationError` lists all that does not fit together: file, key,
-    message, signal.
+    Parameters
+    ----------
+    machine
+        Machine whose joints and cylinders the mapping names.
+    mapping, dbc
+        Mapping file (YAML), and DBC file of the bus.
+    listen_only
+        Whether nothing will be sent: then the mapping needs no commands, and those that it has need
+        not say what to send.
+
+    Returns
+    -------
+    Layout
+        Messages with the gain and offset of each signal in SI units.
+
+    Raises
+    ------
+    ConfigurationError
+        Lists everything that does not fit together: file, key, message, signal.
     """
     binder = _Binder(machine, Path(mapping), load(mapping, Mapping), load_dbc(dbc), listen_only)
     return binder.layout()
@@ -113,8 +130,8 @@ class _Binder:
         named = self._known("pressures", "pressure", mapping.pressures, (*chambers, *LINES))
         for name, pressure in named:
             self._bind_reading(f"pressures.{name}", name, pressure, "pressure")
-        for name, spool in self._known("commands", "joint", mapping.commands, joints):
-            self._bind_spool(f"commands.{name}", name, spool)
+        for name, valve in self._known("commands", "joint", mapping.commands, joints):
+            self._bind_valve(f"commands.{name}", name, valve)
         for name, state in mapping.states.items():
             self._bind_state(f"states.{name}", name, state)
         enable = mapping.enable
@@ -152,7 +169,7 @@ class _Binder:
         channel = to_channel(name, signal, sign * unit, -sign * entry.zero, fault, bits)
         group[message.name].append(channel)
 
-    def _bind_spool(self, key: str, name: str, entry: SpoolSignal) -> None:
+    def _bind_valve(self, key: str, name: str, entry: ValveSignal) -> None:
         if entry.signal:
             side = 0 if entry.direction is None else 1
             self._bind_side(key, name, entry, entry.signal, side)
@@ -161,14 +178,15 @@ class _Binder:
             self._bind_side(key, name, entry, entry.negative, -entry.sign)
 
     def _bind_side(
-        self, key: str, name: str, entry: SpoolSignal, signal_name: str, side: int
+        self, key: str, name: str, entry: ValveSignal, signal_name: str, side: int
     ) -> None:
         """Bind a signal of a valve command that carries the commands of one `side`; 0: of both."""
         found = self._use(key, signal_name)
         direction = self._direction(f"{key}.direction", entry) if entry.direction else None
         if not found or (unit := self._unit(key, found, entry.unit, *COMMAND_QUANTITIES)) is None:
             return
-        if entry.full is None and (unit_of(entry.unit) or ("",))[0] != "ratio":
+        named = unit_of(entry.unit)
+        if entry.full is None and named and named.quantity != "ratio":
             self._problem(
                 f"{key}.full",
                 f"full is needed: the signal at full opening, in {entry.unit}; where each side of "
@@ -189,21 +207,8 @@ class _Binder:
             )
         elif not self.listen_only:
             self._check_side(key, signal_name, channel, least, most)
-        self.commands[message.name].append(
-            ValveChannel(
-                channel.name,
-                channel.signal,
-                channel.gain,
-                channel.offset,
-                channel.low,
-                channel.high,
-                is_float=channel.is_float,
-                code_bits=channel.code_bits,
-                least=least,
-                most=most,
-                direction=direction,
-            )
-        )
+        valve = ValveChannel(**asdict(channel), least=least, most=most, direction=direction)
+        self.commands[message.name].append(valve)
 
     def _check_side(
         self, key: str, signal_name: str, channel: Channel, least: int, most: int
@@ -212,18 +217,18 @@ class _Binder:
             self._problem(
                 key,
                 f"signal {signal_name} carries {channel.low:g} to {channel.high:g} as a ratio, a "
-                f"spool command needs {least} to {most}; correct its range or unit in the DBC, or "
+                f"valve command needs {least} to {most}; correct its range or unit in the DBC, or "
                 "full",
             )
         neutral = channel.gain * channel.raw(0.0) + channel.offset
-        if (least == 0 or most == 0) and abs(neutral) > NEUTRAL:
+        if (least == 0 or most == 0) and abs(neutral) > NEUTRAL_OPENING_SHARE:
             self._problem(
                 key,
                 f"signal {signal_name} cannot carry 0, the nearest is {neutral:g} of the full "
                 "opening: a neutral command would open the valve; correct its offset in the DBC",
             )
 
-    def _direction(self, key: str, entry: SpoolSignal) -> ValveDirection | None:
+    def _direction(self, key: str, entry: ValveSignal) -> ValveDirection | None:
         direction = entry.direction
         assert direction is not None  # asked for nothing else
         if not (found := self._use(key, direction.signal)):
@@ -259,14 +264,16 @@ class _Binder:
         message, signal = found
         labels = {int(value): str(label) for value, label in (signal.choices or {}).items()}
         numbers = {label: value for value, label in labels.items()}
-        if unknown := [one for one in entry.healthy if isinstance(one, str) and one not in numbers]:
+        if unknown := [
+            label for label in entry.healthy if isinstance(label, str) and label not in numbers
+        ]:
             self._problem(
                 f"{key}.healthy",
                 f"signal {entry.signal} has no value {', '.join(unknown)}; "
                 f"it has {', '.join(numbers) or 'no value table'}",
             )
             return
-        healthy = {one if isinstance(one, int) else numbers[one] for one in entry.healthy}
+        healthy = {label if isinstance(label, int) else numbers[label] for label in entry.healthy}
         self.states[message.name].append(DeviceState(name, signal.name, labels, frozenset(healthy)))
 
     def _bind_constant(self, key: str, name: str, raw: float) -> None:
@@ -334,8 +341,7 @@ class _Binder:
                 return message, signal
         names = ", ".join(signal.name for signal in message.signals)
         self._problem(
-            key,
-            f"message {message_name} of {self.dbc.path} has no signal {signal_name}: {names}",
+            key, f"message {message_name} of {self.dbc.path} has no signal {signal_name}: {names}"
         )
         return None
 
@@ -360,7 +366,7 @@ class _Binder:
             name for name, (kind, _) in UNITS.items() if kind in quantities and name
         )
         named = unit_of(unit)
-        if named is None or named[0] not in quantities:
+        if named is None or named.quantity not in quantities:
             measured = " or ".join(quantities)
             self._problem(f"{key}.unit", f"'{unit}' is none of {measured}: {fitting}")
             return None
@@ -372,7 +378,7 @@ class _Binder:
                 f"{key}.unit", f"'{unit}', but {message.name}.{signal.name} is in '{shown}'{known}"
             )
             return None
-        return named[1]
+        return named.size
 
     def _check_sent(self, received: dict[str, None], sent: dict[str, None]) -> None:
         """Check that all is known of the messages that are sent."""
@@ -415,9 +421,10 @@ class _Binder:
                 "timing",
                 f"message {name} of {self.dbc.path} has no cycle time: add GenMsgCycleTime",
             )
-        if message.length > LONGEST:
+        if message.length > LARGEST_FRAME_BYTES:
             self._problem(
-                "timing", f"message {name} has {message.length} bytes, a frame holds {LONGEST}"
+                "timing",
+                f"message {name} has {message.length} bytes, a frame holds {LARGEST_FRAME_BYTES}",
             )
         return MessageLayout(
             message,

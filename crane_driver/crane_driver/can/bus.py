@@ -1,6 +1,9 @@
-"""CAN buses: opened from parameters, and the options that name them."""
+"""CAN buses: the options that name them, opening, and the state they are in."""
 
+import ctypes
+import select
 import socket
+import struct
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -9,22 +12,120 @@ from pathlib import Path
 from typing import Any
 
 import can
+from can.interfaces.udp_multicast import UdpMulticastBus
+from can.interfaces.udp_multicast.utils import pack_message, unpack_message
 from pydantic import Field
 
-from crane_driver.can.multicast import EchoFreeMulticastBus
 from crane_model.configuration import Schema, WrongYamlError, YamlText, validate
 from crane_model.errors import ConfigurationError, CraneError
 
-# Opening CAN buses from parameters, and what state they are in.
+LARGEST_DATAGRAM_BYTES = 4096  # bytes; a frame of 64 bytes takes less than 300
+TIMESPEC = struct.Struct("@ll")  # s, ns
+STAMP_BYTES = socket.CMSG_SPACE(TIMESPEC.size)
+
+# linux/filter.h and asm-generic/socket.h: instructions of classic BPF, and what they can load
+SO_ATTACH_FILTER = 26
+INSTRUCTION = struct.Struct("=HBBI")
+LOAD_WORD, LOAD_HALF, IF_EQUAL, RETURN = 0x20, 0x28, 0x15, 0x06
+SOURCE_PORT = 0  # offset; the filter of a UDP socket sees datagrams from their UDP header on
+PACKET_TYPE, INTERFACE_INDEX = 0xFFFFF004, 0xFFFFF008
+LOOPED_BACK, LOOPBACK_INTERFACE = 5, 1
+DROP, WHOLE = 0, 0xFFFFFFFF  # bytes that pass
+
+INTERFACES = Path("/sys/class/net")
+RECEIVE_BUFFER_BYTES = 1 << 20  # bytes; the default of Linux holds 0.2 s of a busy bus
+
+# linux/can/error.h: classes in the identifier, state of the controller in data[1]
+CONTROLLER, BUS_OFF, RESTARTED = 0x004, 0x040, 0x100
+
+
+class EchoFreeMulticastBus(UdpMulticastBus):
+    """An IPv4 multicast bus of Linux on which nobody hears itself.
+
+    python-can sends and receives through one socket, and gives every process its own frames back.
+    Here a second socket sends, and a filter in the kernel keeps its datagrams from the socket that
+    receives: nobody is woken for them. The frames are those of python-can: its own class may be at
+    the other end. If the kernel refuses the filter, echoes come as they do with that class.
+    """
+
+    def __init__(
+        self, channel: str, port: int = 43113, hop_limit: int = 1, fd: bool = True, **rest: Any
+    ):
+        """Parameters are those of `can.interfaces.udp_multicast.UdpMulticastBus`."""
+        super().__init__(channel, port, hop_limit, fd=fd, **rest)
+        self._group = (channel, port)
+        self._receiver = socket.socket(fileno=socket.dup(self.fileno()))
+        self._sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, hop_limit)
+        self._sender.bind(("", 0))
+        with suppress(OSError):
+            _refuse_own(self._receiver, self._sender.getsockname()[1])
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame to the group; a datagram is sent at once, so `timeout` [s] has no effect."""
+        if msg.is_fd and self.protocol is not can.CanProtocol.CAN_FD:
+            raise can.CanOperationError("cannot send a CAN FD frame: CAN FD is disabled")
+        try:
+            self._sender.sendto(pack_message(msg), self._group)
+        except OSError as error:
+            raise can.CanOperationError(f"failed to send via socket: {error}") from error
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        """The next frame and False: it is not filtered. None after `timeout` [s], and instead of a
+        datagram that is not a frame of this bus.
+        """
+        if not select.select([self._receiver], [], [], timeout)[0]:
+            return None, False
+        try:
+            data, ancillary, _, _ = self._receiver.recvmsg(
+                LARGEST_DATAGRAM_BYTES, STAMP_BYTES, socket.MSG_DONTWAIT
+            )
+        except BlockingIOError:  # its checksum was wrong
+            return None, False
+        seconds, nanoseconds = TIMESPEC.unpack(ancillary[0][2])
+        try:
+            stamp = {"timestamp": seconds + nanoseconds * 1e-9}
+            message = unpack_message(data, stamp, check=True)
+        except Exception:  # whatever a stranger on this port sends
+            return None, False
+        if message.is_fd and self.protocol is not can.CanProtocol.CAN_FD:
+            return None, False
+        return message, False
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        self._receiver.close()
+        self._sender.close()
+
+
+def _refuse_own(receiver: socket.socket, port: int) -> None:
+    """Keep datagrams that this computer sends from `port` out of `receiver`.
+
+    Those of another computer may come from a port of the same number. Multicast datagrams of this
+    one are looped back on their way out, or go through the loopback interface.
+    """
+    program = (
+        (LOAD_HALF, 0, 0, SOURCE_PORT),
+        (IF_EQUAL, 0, 4, port),
+        (LOAD_WORD, 0, 0, PACKET_TYPE),
+        (IF_EQUAL, 3, 0, LOOPED_BACK),
+        (LOAD_WORD, 0, 0, INTERFACE_INDEX),
+        (IF_EQUAL, 1, 0, LOOPBACK_INTERFACE),
+        (RETURN, 0, 0, WHOLE),
+        (RETURN, 0, 0, DROP),
+    )  # each: code, instructions to skip if equal, and if not, operand
+    packed = b"".join(INSTRUCTION.pack(*instruction) for instruction in program)
+    instructions = ctypes.create_string_buffer(packed, len(packed))
+    description = struct.pack("@HP", len(program), ctypes.addressof(instructions))
+    receiver.setsockopt(socket.SOL_SOCKET, SO_ATTACH_FILTER, description)
+
 
 Extra = bool | int | float | str
 
 # hop_limit 0: datagrams never leave this machine.
 DEFAULTS: dict[str, dict[str, Extra]] = {
-    "udp_multicast": {"channel": "239.74.163.2", "hop_limit": 0, "fd": False},
+    "udp_multicast": {"channel": "239.74.163.2", "hop_limit": 0, "fd": False}
 }
-INTERFACES = Path("/sys/class/net")
-RECEIVE_BUFFER = 1 << 20  # bytes; the default of Linux holds 0.2 s of a busy bus
 
 
 class BusError(CraneError):
@@ -48,7 +149,22 @@ class BusState(StrEnum):
 
 
 class BusSettings(Schema):
-    """Parameters of python-can; `extra` are further ones of the interface, such as a port."""
+    """Parameters by which python-can opens a bus.
+
+    Parameters
+    ----------
+    interface, channel
+        Interface of python-can and its channel; None: the default of the interface.
+    bitrate
+        Bit rate [bit/s]; None: as it is set.
+    extra
+        Further parameters of the interface, such as a port.
+
+    Examples
+    --------
+    >>> str(BusSettings(interface="socketcan", channel="can0", bitrate=500_000))
+    'socketcan can0'
+    """
 
     interface: str = "udp_multicast"
     channel: str | None = None
@@ -109,9 +225,7 @@ class BusOffError(BusError):
         )
 
 
-# linux/can/error.h: classes in the identifier, state of the controller in data[1]
-CONTROLLER, BUS_OFF, RESTARTED = 0x004, 0x040, 0x100
-STATES = {
+CONTROLLER_STATES = {
     0x30: BusState.PASSIVE,  # receiving or transmitting
     0x0C: BusState.WARNING,
     0x40: BusState.ACTIVE,
@@ -125,7 +239,7 @@ def state_of_error_frame(identifier: int, data: bytes | bytearray) -> BusState |
     if identifier & RESTARTED:
         return BusState.ACTIVE
     if identifier & CONTROLLER and len(data) > 1:
-        return next((state for mask, state in STATES.items() if data[1] & mask), None)
+        return next((state for mask, state in CONTROLLER_STATES.items() if data[1] & mask), None)
     return None
 
 
@@ -143,10 +257,7 @@ def _enlarge_receive_buffer(bus: can.BusABC) -> None:
         descriptor = bus.fileno()
         if descriptor >= 0:
             with socket.socket(fileno=socket.dup(descriptor)) as duplicate:
-                duplicate.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-
-
-# CAN bus settings from what a command line or a ROS parameter can carry.
+                duplicate.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
 
 
 def bus_settings(
@@ -174,3 +285,18 @@ def _value(text: str) -> object:
         return YamlText(text).content
     except WrongYamlError:
         return None
+
+
+def check_private(settings: BusSettings) -> None:
+    """Check that frames cannot leave this computer: on simulated time valves are waited for.
+
+    `ConfigurationError` if the bus is neither virtual nor udp_multicast with a hop limit of 0.
+    """
+    hops = settings.extra.get("hop_limit", 0)
+    if settings.interface == "virtual" or (settings.interface == "udp_multicast" and hops == 0):
+        return
+    limit = f" with hop_limit {hops}" if settings.interface == "udp_multicast" else ""
+    raise ConfigurationError(
+        f"simulated time: CAN bus {settings}{limit} can leave this computer, and real valves do "
+        "not wait; use udp_multicast with hop_limit 0, or run without simulated time"
+    )

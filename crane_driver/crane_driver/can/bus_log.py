@@ -1,8 +1,6 @@
-"""What every bus log is, whatever its format: data frames, and counts of what is beside them."""
+"""Common part of all bus logs: their data frames, and counts of everything else."""
 
 import gzip
-import io
-import re
 import zlib
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -13,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, cast
 
-from crane_bags.clocks import LARGEST_JUMP, NANOSECONDS
+from crane_bags.clocks import MAX_JUMP_NS, NANOSECONDS
 from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
 
@@ -66,7 +64,6 @@ class BusLog(ABC):
 
     @property
     def size(self) -> int:
-        """Bytes on the disk."""
         files = self.path.iterdir() if self.path.is_dir() else [self.path]
         return sum(file.stat().st_size for file in files)
 
@@ -136,7 +133,7 @@ class BusLog(ABC):
         if stamp < previous:
             self.set_back += 1
             self.furthest_back = max(self.furthest_back, previous - stamp)
-        if stamp < self.newest - LARGEST_JUMP:
+        if stamp < self.newest - MAX_JUMP_NS:
             self.newest = stamp
         self.behind += stamp < self.newest
         self.newest = max(self.newest, stamp)
@@ -153,45 +150,3 @@ def content(path: Path) -> BinaryIO:
 def nanoseconds(date: datetime, zone: tzinfo | None) -> int:
     """A date without a zone as nanoseconds since 1970: of `zone`, None: of UTC."""
     return (date.replace(tzinfo=zone or UTC) - EPOCH) // timedelta(microseconds=1) * 1000
-
-
-# Bus logs as `candump -l` writes them, read frame by frame.
-#
-# Unlike python-can's reader it keeps the stamps exact, goes on after a damaged line, and does not
-# take the error frames of SocketCAN for data.
-
-LINE = re.compile(
-    r"\((?P<seconds>\d+)\.(?P<fraction>\d{1,9})\)\s+(?P<channel>\S+)\s+"
-    r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#"
-    r"(?:#[0-9A-Fa-f])?(?P<remote>R)?(?P<data>(?:[0-9A-Fa-f]{2}){0,64})"
-    r"(?(remote)[0-9A-Fa-f]{0,2}|)(?:\s+[RT])?"
-)
-ERROR_FLAG = 0x20000000  # CAN_ERR_FLAG
-IDENTIFIER = 0x1FFFFFFF
-
-
-@dataclass
-class CandumpLog(BusLog):
-    """A log of `candump -l`."""
-
-    def entries(self, on_bytes: Callable[[int], object]) -> Iterator[Entry]:
-        """Line by line."""
-        with io.TextIOWrapper(content(self.path), "ascii", errors="replace") as file:
-            for line in file:
-                on_bytes(len(line))
-                if not (text := line.strip()):
-                    continue
-                self.lines += 1
-                if match := LINE.fullmatch(text):
-                    yield _entry(match)
-                else:
-                    self.damaged += 1
-
-
-def _entry(match: re.Match[str]) -> Entry:
-    number, extended = int(match["id"], 16), len(match["id"]) == 8
-    stamp = int(match["seconds"]) * 1_000_000_000 + int(match["fraction"].ljust(9, "0"))
-    data = bytes.fromhex(match["data"])
-    frame = Frame(number & IDENTIFIER, data, extended, stamp, stamp / 1e9)
-    error = extended and bool(number & ERROR_FLAG)
-    return Entry(match["channel"], frame, remote=match["remote"] is not None, error=error)

@@ -19,9 +19,11 @@ from crane_model.errors import ConfigurationError
 
 J1939 = "j1939"
 FRAME_FORMAT = "VFrameFormat"  # attribute of a message
-ANY = frozenset({0xFE, 0xFF})  # addresses of no single device: a DBC states them for any one
-BROADCAST = 240  # PDU format from which on a frame has no destination address
-MARKS = {
+ANY_ADDRESS = frozenset(
+    {0xFE, 0xFF}
+)  # addresses of no single device: a DBC states them for any one
+FIRST_BROADCAST_FORMAT = 240  # PDU format from which on a frame has no destination address
+BYTE_ORDER_MARKS = {
     codecs.BOM_UTF8: "utf-8-sig",
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
@@ -36,20 +38,31 @@ INDEPENDENT = re.compile(
 # It announces every message that overwrites another; load_dbc refuses those.
 logging.getLogger("cantools.database.can.database").setLevel(logging.ERROR)
 
+LARGEST_VALUE = 1.7e308  # stands for no limit: what is beyond is infinite or not a number
+SLACK_STEPS = 0.49  # steps, less than what rounds to the next one
+
+LARGEST_MEASUREMENT = {
+    2: 2,
+    10: 0x3FA,
+    **{length: (0xFB << (length - 8)) - 1 for length in (8, 12, 16, 20, 24, 28, 32)},
+}
+"""Largest raw value that is not a code, by the length in bits. Source: SAE J1939-71, transmitted
+signal ranges; states of two bits keep their error, 2, which nobody takes for a measurement."""
+
 
 class Dbc:
     """The messages of a DBC file."""
 
     def __init__(self, path: Path, database: Database):
         self.path = path
-        self.messages: dict[str, Message] = {one.name: one for one in database.messages}
+        self.messages: dict[str, Message] = {message.name: message for message in database.messages}
         self._found: dict[tuple[int, bool], Message | None] = {
-            (one.frame_id, one.is_extended_frame): one for one in database.messages
+            (message.frame_id, message.is_extended_frame): message for message in database.messages
         }
         self._of_group: dict[int, list[Message]] = {}
-        for one in database.messages:
-            if one.is_extended_frame and may_be_j1939(one):
-                self._of_group.setdefault(pgn_from_frame_id(one.frame_id), []).append(one)
+        for message in database.messages:
+            if message.is_extended_frame and may_be_j1939(message):
+                self._of_group.setdefault(pgn_from_frame_id(message.frame_id), []).append(message)
 
     def find(self, identifier: int, extended: bool) -> Message | None:
         """The message with this identifier; else, of J1939, the only one with its group number.
@@ -71,25 +84,27 @@ class Dbc:
         that of one device: in its place, another one of the same make must not be believed.
         """
         group = self._of_group.get(pgn_from_frame_id(message.frame_id), [])
-        return group == [message] and frame_id_unpack(message.frame_id).source_address in ANY
+        return (
+            group == [message] and frame_id_unpack(message.frame_id).source_address in ANY_ADDRESS
+        )
 
 
 def addressed(message: Message, identifier: int) -> bool:
     """Return whether a frame of the group goes to the address of the DBC, or to any."""
     stated, sent = frame_id_unpack(message.frame_id), frame_id_unpack(identifier)
-    if stated.pdu_format >= BROADCAST or stated.pdu_specific in ANY:
+    if stated.pdu_format >= FIRST_BROADCAST_FORMAT or stated.pdu_specific in ANY_ADDRESS:
         return True
     return bool(stated.pdu_specific == sent.pdu_specific)
 
 
 def by_group_alone(message: Message, shown: str) -> bool:
-    """Whether only the group number says that frames of the id `shown` are this message."""
-    own = show_id(message.frame_id, message.is_extended_frame)
-    return message.protocol != J1939 and shown != own
+    """Return whether only the group number says that frames of the id `shown` are this message."""
+    stated = show_id(message.frame_id, message.is_extended_frame)
+    return message.protocol != J1939 and shown != stated
 
 
 def may_be_j1939(message: Message) -> bool:
-    """Whether the DBC says so, or says nothing of the format of the frames."""
+    """Return whether the DBC says so, or says nothing of the format of the frames."""
     specifics = message.dbc
     stated = specifics is not None and FRAME_FORMAT in specifics.attributes
     return message.protocol == J1939 or (message.is_extended_frame and not stated)
@@ -107,7 +122,9 @@ def load_dbc(path: Path | str) -> Dbc:
         # not strict, for flags may overlap the byte that they are in: checked below
         database = cantools.database.load_string(text, database_format="dbc", strict=False)
     except UnsupportedDatabaseFormatError as error:
-        reason = "".join(one if one.isprintable() else "?" for one in str(error.e_dbc or error))
+        reason = "".join(
+            character if character.isprintable() else "?" for character in str(error.e_dbc or error)
+        )
         raise ConfigurationError(f"{path}: not a valid DBC file: {reason}") from None
     if not isinstance(database, Database) or not database.messages:
         raise ConfigurationError(f"{path}: no messages (BO_) in this file; name a DBC file")
@@ -119,7 +136,7 @@ def load_dbc(path: Path | str) -> Dbc:
 
 def _text(content: bytes) -> str:
     """Text of a DBC file: by its byte order mark, else of the encoding that fits it."""
-    for mark, encoding in MARKS.items():
+    for mark, encoding in BYTE_ORDER_MARKS.items():
         if content.startswith(mark):
             return content.decode(encoding, "replace")
     if b"\0" in content[:2]:
@@ -171,12 +188,6 @@ def _check_unique(path: Path, database: Database) -> None:
         owners[shown] = message.name
 
 
-# What the DBC says of single signals, as the channels need it.
-
-LARGEST = 1.7e308  # stands for no limit: what is beyond is infinite or not a number
-SLACK = 0.49  # steps, less than what rounds to the next one
-
-
 class Code(StrEnum):
     """Meaning of a raw value of J1939 that is not a measurement."""
 
@@ -190,13 +201,6 @@ CODES = {
     0xFE: Code.ERROR,
     **dict.fromkeys(range(0xFB, 0xFE), Code.RESERVED),
 }
-LARGEST_MEASUREMENT = {
-    2: 2,
-    10: 0x3FA,
-    **{length: (0xFB << (length - 8)) - 1 for length in (8, 12, 16, 20, 24, 28, 32)},
-}
-"""Largest raw value that is not a code, by the length in bits. Source: SAE J1939-71, transmitted
-signal ranges; states of two bits keep their error, 2, which nobody takes for a measurement."""
 
 
 def code_of(length: int, raw: int) -> Code | None:
@@ -219,7 +223,7 @@ def code_bits(message: Message, signal: Signal) -> int:
     greatest = 2**signal.length - 1
     if signal.minimum is not None and signal.maximum is not None:
         limits = (signal.minimum, signal.maximum)
-        if max((one - signal.offset) / signal.scale for one in limits) < greatest - SLACK:
+        if max((limit - signal.offset) / signal.scale for limit in limits) < greatest - SLACK_STEPS:
             return 0
     if any(code_of(signal.length, int(raw)) for raw in signal.choices or ()):
         return 0
@@ -239,8 +243,8 @@ def to_channel(
         greatest = LARGEST_MEASUREMENT[bits]
     ends = [gain * raw + offset for raw in (least, greatest)]
     # Limits are given in decimals, which the steps of the signal need not meet.
-    slack = 0.0 if signal.is_float else SLACK * abs(gain)
-    low, high = max(min(ends) - slack, -LARGEST), min(max(ends) + slack, LARGEST)
+    slack = 0.0 if signal.is_float else SLACK_STEPS * abs(gain)
+    low, high = max(min(ends) - slack, -LARGEST_VALUE), min(max(ends) + slack, LARGEST_VALUE)
     return Channel(name, signal.name, gain, offset, low, high, fault, signal.is_float, bits)
 
 

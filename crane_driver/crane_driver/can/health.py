@@ -2,19 +2,23 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from crane_driver.can.decoder import Decoder, Readings
-from crane_driver.can.encoder import lost_frames
+from crane_driver.can.codec import Decoder, Readings, lost_frames
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout, MessageLayout
 from crane_driver.can.mapping import Timing
 from crane_driver.faults import UNUSABLE, Fault, FaultKind
 
-# Judgement of the stream of frames: late, missing, repeated, lost; pure, by the steady clock.
+REMEMBERED_FRAMES = 64  # own frames: a third of a second of them
+ANOTHER_COMMANDS = "another node commands the valves ({said})"
+OWN_FRAME_RETURNED = (
+    "a valve frame of this driver came back ({said}): a gateway or a recording repeats it, or the "
+    "interface returns what it sends (receive_own_messages); only one may command the valves"
+)
 
 
 class Freshness(IntEnum):
@@ -50,8 +54,10 @@ class Monitor:
     def __init__(self, messages: Sequence[MessageLayout], timing: Timing, start: float):
         self._timing = timing
         self.streams = {
-            one.name: MessageStream(one, timing.late * one.cycle, timing.missing * one.cycle, start)
-            for one in messages
+            message.name: MessageStream(
+                message, timing.late * message.cycle, timing.missing * message.cycle, start
+            )
+            for message in messages
         }
 
     def observe(self, readings: Readings) -> list[Fault]:
@@ -94,9 +100,10 @@ class Monitor:
 
     @property
     def complete(self) -> bool:
-        """Whether every message has come, and none is late by the last `check`."""
+        """Return whether every message has come, and none is late by the last `check`."""
         return all(
-            one.received and one.freshness is Freshness.FRESH for one in self.streams.values()
+            stream.received and stream.freshness is Freshness.FRESH
+            for stream in self.streams.values()
         )
 
     def _sequence(self, stream: MessageStream, counter: int | None) -> Sequence[Fault]:
@@ -142,9 +149,6 @@ def _late(stream: MessageStream, gap: float) -> Fault:
     )
 
 
-# Whether the machine takes the commands that it is sent, by the counters that it echoes.
-
-
 @dataclass(slots=True)
 class _Sent:
     """Frames of one command message, as far as they are known."""
@@ -165,18 +169,17 @@ class Acceptance:
 
     def __init__(self, layout: Layout, timeout: float):
         self._timeout = timeout
-        self._echoing = {one.name: one for one in layout.readings if one.echoes}
+        self._echoing = {message.name: message for message in layout.readings if message.echoes}
         self._sent = {
-            (one.message.frame_id, one.message.is_extended_frame): _Sent(one)
-            for one in layout.commands
+            (message.message.frame_id, message.message.is_extended_frame): _Sent(message)
+            for message in layout.commands
         }
-        self._by_name = {one.layout.name: one for one in self._sent.values()}
+        self._by_name = {sent.layout.name: sent for sent in self._sent.values()}
 
     def sent(self, frame: Frame, now: float) -> None:
-        """A command frame was sent."""
-        one = self._sent[frame.id, frame.extended]
-        one.frames += 1
-        one.since = min(one.since, now)
+        sent = self._sent[frame.id, frame.extended]
+        sent.frames += 1
+        sent.since = min(sent.since, now)
 
     def observe(self, readings: Readings) -> list[Fault]:
         """Faults that a frame with echoes shows; again after each `timeout` in which they last."""
@@ -185,14 +188,14 @@ class Acceptance:
         layout = self._echoing[readings.message]
         faults = []
         for command, echo in readings.accepted.items():
-            one = self._by_name[command]
-            rounds, rest = divmod(one.frames, one.layout.protection.counter_count)
-            moved = echo != one.echo or (rounds > 0 and rest == 0)  # whole rounds cannot be seen
-            waited = readings.steady - one.since
+            sent = self._by_name[command]
+            rounds, rest = divmod(sent.frames, sent.layout.protection.counter_count)
+            moved = echo != sent.echo or (rounds > 0 and rest == 0)  # whole rounds cannot be seen
+            waited = readings.steady - sent.since
             if moved:
-                one.since = math.inf
+                sent.since = math.inf
             elif waited > self._timeout:
-                one.since = readings.steady
+                sent.since = readings.steady
                 faults.append(
                     layout.fault(
                         FaultKind.NOT_ACCEPTED,
@@ -200,19 +203,8 @@ class Acceptance:
                         f"(counter {echo}), limit {self._timeout * 1e3:.0f} ms",
                     )
                 )
-            one.echo, one.frames = echo, 0
+            sent.echo, sent.frames = echo, 0
         return faults
-
-
-# Valve frames on the bus that this driver did not send.
-
-REMEMBERED = 64  # own frames: a third of a second of them
-
-ANOTHER = "another node commands the valves ({said})"
-OWN = (
-    "a valve frame of this driver came back ({said}): a gateway or a recording repeats it, or the "
-    "interface returns what it sends (receive_own_messages); only one may command the valves"
-)
 
 
 class ForeignCommands:
@@ -222,10 +214,9 @@ class ForeignCommands:
 
     def __init__(self, layout: Layout):
         self._decoder = Decoder(layout.commands)
-        self._own: deque[Frame] = deque(maxlen=REMEMBERED)
+        self._own: deque[Frame] = deque(maxlen=REMEMBERED_FRAMES)
 
     def sent(self, frame: Frame) -> None:
-        """A valve frame was sent by this driver."""
         self._own.append(frame)
 
     def observe(self, frame: Frame) -> Fault | None:
@@ -233,18 +224,20 @@ class ForeignCommands:
         layout = self._decoder.layout_of(frame)
         if layout is None:
             return None
-        again = any((one.id, one.data) == (frame.id, frame.data) for one in self._own)
-        said = (OWN if again else ANOTHER).format(said=self._said(frame))
+        again = any(
+            (own_frame.id, own_frame.data) == (frame.id, frame.data) for own_frame in self._own
+        )
+        said = (OWN_FRAME_RETURNED if again else ANOTHER_COMMANDS).format(said=self._said(frame))
         return layout.fault(FaultKind.FOREIGN, said)
 
     def _said(self, frame: Frame) -> str:
         readings = self._decoder.decode(frame)
         if readings is None or not readings.commands:
             return f"data {frame.data.hex(' ')}"
-        spools = ", ".join(f"{joint} {value:.3g}" for joint, value in readings.commands.items())
+        commands = ", ".join(f"{joint} {value:.3g}" for joint, value in readings.commands.items())
         if readings.enabled is None:
-            return spools
-        return f"{spools}; {'enabled' if readings.enabled else 'not enabled'}"
+            return commands
+        return f"{commands}; {'enabled' if readings.enabled else 'not enabled'}"
 
 
 class HeardCommand(NamedTuple):
@@ -263,20 +256,12 @@ class HeardCommands:
 
     def __init__(self, layout: Layout):
         self._decoder = Decoder(layout.commands)
-        self._layouts = {one.name: one for one in layout.commands}
+        self.unknown = self._decoder.unknown  # frames that are not valve commands, by identifier
+        self.conflicts = self._decoder.conflicts  # identifiers of two devices, by valve command
+        self._layouts = {message.name: message for message in layout.commands}
         self._missing = layout.timing.missing  # cycles
         self._heard: dict[str, float] = {}  # s, steady, by message
         self._commands = dict.fromkeys(layout.valves, math.nan)
-
-    @property
-    def unknown(self) -> Mapping[tuple[int, bool], int]:
-        """Frames that are no valve command, by identifier (and whether it is extended)."""
-        return self._decoder.unknown
-
-    @property
-    def conflicts(self) -> dict[str, tuple[str, str]]:
-        """Valve commands that two devices send, and their identifiers."""
-        return self._decoder.conflicts
 
     def observe(self, frame: Frame) -> tuple[HeardCommand | None, list[Fault]]:
         """The commands after a frame, None if it says nothing of them; and its faults."""

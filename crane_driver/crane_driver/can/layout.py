@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 
 from cantools.database.can import Message
 
-from crane_driver.can.canopen_settings import Device
 from crane_driver.can.frame import show_id
-from crane_driver.can.mapping import Timing
+from crane_driver.can.mapping import Device, Timing
 from crane_driver.faults import Fault, FaultKind
 
 
@@ -79,11 +78,9 @@ class DeviceState:
     healthy: frozenset[int]
 
     def label(self, value: int) -> str:
-        """Name of a value; its number where the DBC has no name for it."""
         return self.labels.get(value, str(value))
 
     def number(self, label: str) -> int:
-        """Value of a name or of a number as text."""
         numbers = {name: value for value, name in self.labels.items()}
         return numbers[label] if label in numbers else int(label)
 
@@ -130,12 +127,10 @@ class MessageLayout:
 
     @property
     def name(self) -> str:
-        """Name in the DBC."""
         return self.message.name
 
     @property
     def id(self) -> str:
-        """Identifier as candump writes it."""
         return show_id(self.message.frame_id, self.message.is_extended_frame)
 
     def fault(self, kind: FaultKind, detail: str, reading: str = "") -> Fault:
@@ -143,8 +138,8 @@ class MessageLayout:
         return Fault(kind, detail, self.name, self.id, self._measures(), reading)
 
     def _measures(self) -> str:
-        joints = [one.name for one in self.positions]
-        pressures = dict.fromkeys(one.name.partition(".")[0] for one in self.pressures)
+        joints = [channel.name for channel in self.positions]
+        pressures = dict.fromkeys(channel.name.partition(".")[0] for channel in self.pressures)
         parts = (
             f"encoder{'s' * (len(joints) > 1)} of {', '.join(joints)}" if joints else "",
             f"pressures of {', '.join(pressures)}" if pressures else "",
@@ -164,37 +159,37 @@ class Layout:
 
     @property
     def positions(self) -> tuple[str, ...]:
-        """Joints whose position is read."""
-        return _names(one.positions for one in self.readings)
+        return _names(message.positions for message in self.readings)
 
     @property
     def pressures(self) -> tuple[str, ...]:
         """Pressures that are read: JOINT.a, JOINT.b, supply, tank."""
-        return _names(one.pressures for one in self.readings)
+        return _names(message.pressures for message in self.readings)
 
     @property
     def valves(self) -> tuple[str, ...]:
-        """Joints whose valve is commanded."""
-        return _names(one.commands for one in self.commands)
+        return _names(message.commands for message in self.commands)
 
     @property
     def frames_of_cycle(self) -> frozenset[int]:
         """Identifiers of the frames with positions and pressures that come most often; none if the
         source address of one is not known before it comes.
         """
-        measuring = [one for one in self.readings if one.positions or one.pressures]
-        shortest = min(one.cycle for one in measuring)
-        often = [one for one in measuring if one.cycle == shortest]
-        if any(one.group is not None for one in often):
+        measuring = [message for message in self.readings if message.positions or message.pressures]
+        shortest = min(message.cycle for message in measuring)
+        often = [message for message in measuring if message.cycle == shortest]
+        if any(message.group is not None for message in often):
             return frozenset()
-        return frozenset(one.message.frame_id for one in often)
+        return frozenset(message.message.frame_id for message in often)
 
     def resolution(self, name: str) -> float:
         """One raw step of a position or pressure [SI]."""
         channels = [
-            one for message in self.readings for one in (*message.positions, *message.pressures)
+            channel
+            for message in self.readings
+            for channel in (*message.positions, *message.pressures)
         ]
-        return abs(next(one.gain for one in channels if one.name == name))
+        return abs(next(channel.gain for channel in channels if channel.name == name))
 
 
 def _names(groups: Iterable[tuple[Channel, ...]]) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ import uuid
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from types import TracebackType
 from typing import Self
 
 import can
@@ -25,22 +24,37 @@ from crane_driver.can.bus import (
 from crane_driver.can.frame import Frame
 from crane_driver.faults import Fault, FaultKind
 
-POLL = 0.1  # s, longest wait for a frame before the state of the bus is looked at
-GATHER = 5e-4  # s without a frame that end a train of them
-LONGEST_TRAIN = 2e-3  # s
-FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0  # s, before the bus is reopened; doubled at every failure
-AT_ONCE, ATTEMPTS = 20e-6, 5  # s, within which two clocks are read; else they are read again
-OLDEST_STAMP = 1.0  # s, an older stamp of a back end is of another clock
+POLL_PERIOD_S = 0.1  # s, longest wait for a frame before the state of the bus is looked at
+TRAIN_END_S = 5e-4  # s without a frame that end a train of them
+LONGEST_TRAIN_S = 2e-3  # s
+FIRST_REOPEN_PAUSE_S, LONGEST_REOPEN_PAUSE_S = (
+    0.1,
+    5.0,
+)  # s, before the bus is reopened; doubled at every failure
+READ_TOGETHER_S, CLOCK_READ_ATTEMPTS = (
+    20e-6,
+    5,
+)  # s, within which two clocks are read; else they are read again
+OLDEST_STAMP_S = 1.0  # s, an older stamp of a back end is of another clock
 
 
 class Link:
     """A CAN bus. Frames are taken and sent by one thread, received by another.
 
-    `notify` is called by the receiving thread after a cycle or a train of frames, and after each
-    fault; it must only wake the taker up. `capacity` bounds the queue; what it cannot hold drops
-    the oldest. `cycle` holds the identifiers of the frames that come in every cycle: with the last
-    of them the taker is woken at once. Frames that no cycle waits for wake nobody then. A link that
-    is `listen_only` refuses to send.
+    Parameters
+    ----------
+    settings
+        How the bus is opened.
+    notify
+        Called by the receiving thread after a cycle or a train of frames, and after each fault; it
+        must only wake the taker up.
+    capacity
+        Frames that wait at most; if more come, the oldest are dropped.
+    cycle
+        Identifiers of the frames that come in every cycle: with the last of them the taker is woken
+        at once. Frames that no cycle waits for wake nobody then.
+    listen_only
+        Whether `send` refuses every frame.
     """
 
     def __init__(
@@ -78,7 +92,6 @@ class Link:
         return self
 
     def close(self) -> None:
-        """Stop receiving and close the bus."""
         self._stop.set()
         if self._thread:
             self._thread.join()
@@ -99,7 +112,6 @@ class Link:
         return frames
 
     def take_faults(self) -> list[Fault]:
-        """The faults of the bus since the last call."""
         with self._lock:
             faults = list(self._faults)
             self._faults.clear()
@@ -136,7 +148,7 @@ class Link:
             raise BusError(f"CAN bus {self._settings}: frame was not sent: {error}") from error
 
     def _run(self) -> None:
-        pause = FIRST_PAUSE
+        pause = FIRST_REOPEN_PAUSE_S
         while not self._stop.is_set():
             try:
                 if self._bus is None:
@@ -146,11 +158,11 @@ class Link:
             except Exception as error:  # whatever it is, it must neither end nor hide in the thread
                 off = isinstance(error, BusOffError)
                 if self._bus is not None and self.state is not BusState.SILENT:
-                    pause = FIRST_PAUSE  # it worked in between
+                    pause = FIRST_REOPEN_PAUSE_S  # it worked in between
                 self._disconnect(BusState.BUS_OFF if off else BusState.LOST)
                 self._report(FaultKind.BUS, f"{_shown(error)}; reopened in {pause:g} s")
                 self._stop.wait(pause)
-                pause = min(2 * pause, LONGEST_PAUSE)
+                pause = min(2 * pause, LONGEST_REOPEN_PAUSE_S)
 
     def _connect(self) -> None:
         bus = open_bus(self._settings)
@@ -179,8 +191,8 @@ class Link:
         lacking = set(self._cycle)  # identifiers that have not come in this train
         while not self._stop.is_set():
             waiting = train < math.inf
-            message = self._bus.recv(GATHER if waiting else POLL)
-            if waiting and (message is None or time.monotonic() - train > LONGEST_TRAIN):
+            message = self._bus.recv(TRAIN_END_S if waiting else POLL_PERIOD_S)
+            if waiting and (message is None or time.monotonic() - train > LONGEST_TRAIN_S):
                 train, lacking = math.inf, set(self._cycle)
                 self._wake()
             if message is None:
@@ -222,7 +234,6 @@ class Link:
             self._report(FaultKind.OVERFLOW, waiting)
 
     def _unreceived(self) -> bool:
-        """Whether frames wait in the operating system."""
         bus = self._bus
         if bus is None:
             return False
@@ -254,12 +265,7 @@ class Link:
     def __enter__(self) -> Self:
         return self.open()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -268,13 +274,13 @@ def _stamps(received: float) -> tuple[int, float]:
 
     Both clocks are read at one instant: a thread that is held up between the two would shift them.
     """
-    for _ in range(ATTEMPTS):
+    for _ in range(CLOCK_READ_ATTEMPTS):
         before, now, after = time.monotonic(), time.time_ns(), time.monotonic()
-        if after - before < AT_ONCE:
+        if after - before < READ_TOGETHER_S:
             break
     stamp = round(received * 1e9)
     age = now - stamp
-    if not 0 <= age < OLDEST_STAMP * 1e9:
+    if not 0 <= age < OLDEST_STAMP_S * 1e9:
         return now, before
     return stamp, before - age * 1e-9
 

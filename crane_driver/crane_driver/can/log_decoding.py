@@ -12,15 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_bags.clocks import LARGEST_JUMP, MISORDERED
+from crane_bags.clocks import MAX_JUMP_NS, MAX_MISORDERED_SHARE
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
 from crane_bags.writer import BagWriter
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus_log import BusLog, Clock
-from crane_driver.can.codec import DriverCodec
+from crane_driver.can.codec import DriverCodec, Readings
 from crane_driver.can.dbc import by_group_alone, load_dbc
-from crane_driver.can.decoder import Readings
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import HeardCommands, Monitor
 from crane_driver.can.layout import Layout
@@ -32,10 +31,10 @@ from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import Machine
 from crane_model.progress_bar import progress_bar
 
-# What was in a bus log, in words: frames, cycle times, gaps, what could not be decoded.
+GAP_CYCLES = 3  # a gap is longer than so many median cycles
+LISTED_IDENTIFIERS = 10  # unknown identifiers that are named
 
-MANY_CYCLES = 3  # a gap is longer than so many median cycles
-LONGEST_LIST = 10  # unknown identifiers that are named
+TABLE_SUFFIXES = (".csv", ".parquet")
 
 
 class Cycle(NamedTuple):
@@ -54,7 +53,7 @@ class Cycle(NamedTuple):
 def cycles(table: LogTable) -> list[Cycle]:
     """Timing of every decoded identifier, by message."""
     found = [_cycle(sender, table.first, table.last) for sender in table.senders.values()]
-    return sorted(found, key=lambda one: (one.message, one.id))
+    return sorted(found, key=lambda cycle: (cycle.message, cycle.id))
 
 
 def _cycle(sender: Sender, first: int, last: int) -> Cycle:
@@ -72,7 +71,7 @@ def _cycle(sender: Sender, first: int, last: int) -> Cycle:
         median,
         float(silences[longest]),
         float(ends[longest] - first) / 1e9,
-        int(np.count_nonzero(silences > MANY_CYCLES * median)),
+        int(np.count_nonzero(silences > GAP_CYCLES * median)),
     )
 
 
@@ -89,13 +88,14 @@ def describe(log: BusLog, table: LogTable) -> str:
         f"{'message':24} {'id':>8} {'frames':>7} {'cycle [ms]':>11} {'in DBC':>7} "
         f"{'gaps':>5} {'longest gap':>13}",
     ]
-    for one in cycles(table):
-        declared = f"{one.declared * 1e3:g}" if one.declared else "-"
+    for cycle in cycles(table):
+        declared = f"{cycle.declared * 1e3:g}" if cycle.declared else "-"
         lines.append(
-            f"{one.message:24} {one.id:>8} {one.frames:7} {one.median * 1e3:11.2f} {declared:>7} "
-            f"{one.gaps:5} {one.longest_gap * 1e3:7.1f} ms at {one.longest_gap_at:.3f} s"
+            f"{cycle.message:24} {cycle.id:>8} {cycle.frames:7} {cycle.median * 1e3:11.2f} "
+            f"{declared:>7} {cycle.gaps:5} {cycle.longest_gap * 1e3:7.1f} ms at "
+            f"{cycle.longest_gap_at:.3f} s"
         )
-    lines += ["", f"a gap is longer than {MANY_CYCLES} median cycles"]
+    lines += ["", f"a gap is longer than {GAP_CYCLES} median cycles"]
     for (identifier, message, reason), count in table.failed.most_common():
         lines.append(f"not decodable: {count} frames of {message} ({identifier}): {reason}")
     if table.codes:
@@ -105,16 +105,18 @@ def describe(log: BusLog, table: LogTable) -> str:
             f"{', '.join(counts)}"
         )
     if guessed := [
-        f"{one.id} as {one.message.name}"
-        for one in table.senders.values()
-        if by_group_alone(one.message, one.id)
+        f"{sender.id} as {sender.message.name}"
+        for sender in table.senders.values()
+        if by_group_alone(sender.message, sender.id)
     ]:
         lines.append(
             f"by group number (PGN) alone, as in J1939, which the DBC does not say: "
             f"{', '.join(guessed)}"
         )
     if unknown:
-        named = [f"{name}: {count}" for name, count in table.unknown.most_common(LONGEST_LIST)]
+        named = [
+            f"{name}: {count}" for name, count in table.unknown.most_common(LISTED_IDENTIFIERS)
+        ]
         more = len(table.unknown) - len(named)
         lines.append(f"unknown ids: {', '.join(named)}" + (f", and {more} more" if more else ""))
     return "\n".join(lines)
@@ -153,9 +155,6 @@ def _about_stamps(log: BusLog) -> list[str]:
     if log.broken:
         lines.append(f"the log is damaged behind them, and was read no further: {log.broken}")
     return lines
-
-
-# A bus log of a crane as the bag that the driver's topics would have made.
 
 
 class LogBag:
@@ -202,7 +201,7 @@ class LogBag:
 
         `DataError` if two devices send one message.
         """
-        if frame.stamp < self._newest - LARGEST_JUMP:
+        if frame.stamp < self._newest - MAX_JUMP_NS:
             self.finish()
             self._left_out = self.incomplete
             self._begin()
@@ -210,8 +209,8 @@ class LogBag:
         command, faults = self._heard.observe(frame)
         self._count(faults)
         if command and self._valve_command:
-            spool = list(command.commands.values())
-            self._valve_command.write(command.stamp, command.stamp, spool)
+            values = list(command.commands.values())
+            self._valve_command.write(command.stamp, command.stamp, values)
             self.written[VALVE_COMMAND.name] += 1
         if readings := self._driver.decode(frame):
             self._monitor = self._monitor or Monitor(
@@ -235,7 +234,6 @@ class LogBag:
         self._pressures = Assembly(self._layout, "pressures")
 
     def finish(self) -> None:
-        """Write what still waits for other frames, of which no more come."""
         self._write(self._positions.finish(), self._pressures.finish())
 
     def _readings(self, readings: Readings) -> None:
@@ -259,8 +257,8 @@ class LogBag:
     def _pressure_fields(self, complete: Complete) -> list[list[float] | float]:
         value = complete.values
         return [
-            [value.get(f"{one}.a", math.nan) for one in self._cylinders],
-            [value.get(f"{one}.b", math.nan) for one in self._cylinders],
+            [value.get(f"{joint}.a", math.nan) for joint in self._cylinders],
+            [value.get(f"{joint}.b", math.nan) for joint in self._cylinders],
             value.get("supply", math.nan),
             value.get("tank", math.nan),
         ]
@@ -268,9 +266,6 @@ class LogBag:
     def _count(self, faults: Iterable[Fault]) -> None:
         for fault in faults:
             self.faults[fault.source, str(fault.kind)] += 1
-
-
-TABLES = (".csv", ".parquet")
 
 
 @dataclass(frozen=True)
@@ -294,19 +289,19 @@ def decode(request: DecodeRequest) -> str:
     writes tables is not installed.
     """
     out = request.out
-    if out.suffix in TABLES:
+    if out.suffix in TABLE_SUFFIXES:
         import_module("polars")  # before the log is read, which may take long
     elif request.mapping is None:
         raise ConfigurationError(
             f"{out}: a bag needs --mapping, which says what the signals mean: no common ROS "
-            f"message holds signals by name; or name a table, {' or '.join(TABLES)}"
+            f"message holds signals by name; or name a table, {' or '.join(TABLE_SUFFIXES)}"
         )
     log = open_log(request.log, request.channel, request.zone)
     if request.zone and log.clock is not Clock.LOCAL:
         raise ConfigurationError(
             f"{request.log}: --zone is for logs in local time, this one holds UTC; leave it out"
         )
-    if out.suffix in TABLES:
+    if out.suffix in TABLE_SUFFIXES:
         table = LogTable(load_dbc(request.dbc), request.keep_codes)
         _read(log, table, None)
         table.write(out, log.stamps)
@@ -326,7 +321,7 @@ def _write_bag(log: BusLog, table: LogTable, layout: Layout, path: Path) -> LogB
             bag = LogBag(writer, layout)
             _read(log, table, bag)
             bag.finish()
-            if log.behind > MISORDERED * table.frames:
+            if log.behind > MAX_MISORDERED_SHARE * table.frames:
                 raise DataError(
                     f"{log.path}: {log.back_in_words}: samples of two moments would be mixed; "
                     "record with one clock, or decode to a table"
@@ -371,16 +366,15 @@ def _describe_bag(path: Path, bag: LogBag) -> list[str]:
 
 
 def _not_taken(table: LogTable, bag: LogBag, layout: Layout) -> list[str]:
-    """Messages of the mapping of which frames are missing in the bag."""
     lines = []
-    for one in (*layout.readings, *layout.commands):
-        ids = [id for id, sender in table.senders.items() if sender.message.name == one.name]
+    for message in (*layout.readings, *layout.commands):
+        ids = [id for id, sender in table.senders.items() if sender.message.name == message.name]
         unused = [id for id in ids if (int(id, 16), len(id) == 8) in bag.unused]
         if unused:
             lines.append(
-                f"{one.name} comes from {', '.join(ids)}, and the bag takes it from {one.id} only: "
-                "write the id that is meant into the DBC"
+                f"{message.name} comes from {', '.join(ids)}, and the bag takes it from "
+                f"{message.id} only: write the id that is meant into the DBC"
             )
         elif not ids:
-            lines.append(f"no frame of {one.name} ({one.id}) is in the log")
+            lines.append(f"no frame of {message.name} ({message.id}) is in the log")
     return lines

@@ -11,8 +11,8 @@ from cantools.database import DecodeError
 from cantools.database.can import Message
 
 from crane_driver.can.bus_log import Clock
+from crane_driver.can.codec import SignalBits
 from crane_driver.can.dbc import Code, Dbc, code_bits, code_of
-from crane_driver.can.encoder import SignalBits
 from crane_driver.can.frame import Frame, show_id
 from crane_model.errors import DataError
 
@@ -60,11 +60,9 @@ class LogTable:
 
     @property
     def decoded(self) -> int:
-        """Frames whose values are in the table."""
         return sum(len(sender.stamps) for sender in self.senders.values())
 
     def add(self, frame: Frame) -> None:
-        """Decode one frame, or count why it was not."""
         self.first = self.first if self.frames else frame.stamp
         self.last = frame.stamp
         self.frames += 1

@@ -1,19 +1,17 @@
-"""The mapping file: which signals are joint positions, pressures, spool commands and states."""
+"""The mapping file: which signals are joint positions, pressures, valve commands and states."""
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from crane_driver.can.canopen_settings import Device, check_nodes
 from crane_model.configuration import Schema
 
-SignalName = Annotated[str, Field(pattern=r"^\w+\.\w+$")]
-"""MESSAGE.SIGNAL"""
+NMT, EMERGENCY, SDO_RESPONSE, SDO_REQUEST, HEARTBEAT = 0x000, 0x080, 0x580, 0x600, 0x700
+"""Identifiers of CiA 301; all but that of NMT are counted up by the id of the node."""
 
 LINES = ("supply", "tank")
 """Pressures that are of no joint; those of a joint's chambers are JOINT.a and JOINT.b."""
-
 # Quantity and size in SI units; units are compared by these, without regard to case.
 UNITS = {
     "rad": ("angle", 1.0),
@@ -36,6 +34,58 @@ UNITS = {
 }
 
 
+class Device(Schema):
+    """A CANopen device; times in s."""
+
+    id: Annotated[int, Field(ge=1, le=127)]
+    heartbeat_timeout: Annotated[float, Field(gt=0)]
+    # written to object 1017h before the device is started; without it the device is left as it is
+    heartbeat_period: Annotated[float, Field(ge=0.001, le=65.535)] | None = None
+    emergency: Literal["report", "fault"] = "report"
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.heartbeat_period and self.heartbeat_period >= self.heartbeat_timeout:
+            raise ValueError(
+                f"heartbeat_period is {self.heartbeat_period:g} s, it must be less than "
+                f"heartbeat_timeout, {self.heartbeat_timeout:g} s"
+            )
+        return self
+
+
+def identifiers(devices: dict[str, Device]) -> dict[int, str]:
+    """The 11-bit identifiers that `devices` take, each with what it is; one id, one node."""
+    taken = {NMT: "network management"} if devices else {}
+    for name, device in devices.items():
+        taken |= {
+            HEARTBEAT + device.id: f"heartbeat of {name}",
+            EMERGENCY + device.id: f"emergency of {name}",
+            SDO_RESPONSE + device.id: f"SDO response of {name}",
+            SDO_REQUEST + device.id: f"SDO request to {name}",
+        }
+    return taken
+
+
+def check_nodes(devices: dict[str, Device]) -> None:
+    """`ValueError` where two devices have the same node id."""
+    owners: dict[int, str] = {}
+    for name, device in devices.items():
+        if device.id in owners:
+            raise ValueError(f"{owners[device.id]} and {name} have the same node id {device.id}")
+        owners[device.id] = name
+
+
+SignalName = Annotated[str, Field(pattern=r"^\w+\.\w+$")]
+"""MESSAGE.SIGNAL"""
+
+
+class SignalUnit(NamedTuple):
+    """What a unit measures, and its size in SI units."""
+
+    quantity: str  # angle, length, pressure, current, ratio
+    size: float
+
+
 def spellings(unit: str) -> tuple[str, ...]:
     """A unit as it was read, and as it reads in GB2312: "¡ã" is the degree of a Chinese tool in a
     file that is not of one encoding.
@@ -46,11 +96,11 @@ def spellings(unit: str) -> tuple[str, ...]:
         return (unit,)
 
 
-def unit_of(text: str) -> tuple[str, float] | None:
+def unit_of(text: str) -> SignalUnit | None:
     """Quantity and size of a unit in any spelling; None if it is not known."""
     for spelled in spellings(text):
         if found := UNITS.get(spelled.strip().strip("[]()").strip(" .").casefold()):
-            return found
+            return SignalUnit(*found)
     return None
 
 
@@ -84,7 +134,7 @@ class Direction(Schema):
     neutral: str | int | None = None
 
 
-class SpoolSignal(Schema):
+class ValveSignal(Schema):
     """What the valve is sent: sign * command, command -1 to 1.
 
     One `signal` with both signs; or a `signal` without sign and its `direction`; or two one-sided
@@ -171,7 +221,7 @@ class Mapping(Schema):
 
     positions: Annotated[dict[str, PositionSignal], Field(min_length=1)]
     pressures: dict[str, PressureSignal] = {}
-    commands: dict[str, SpoolSignal] = {}
+    commands: dict[str, ValveSignal] = {}
     enable: SignalName | tuple[SignalName, ...] = ()  # one a message
     constants: dict[SignalName, float] = {}  # other signals of the command messages, fixed
     states: dict[str, StateSignal] = {}

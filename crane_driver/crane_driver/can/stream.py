@@ -1,4 +1,4 @@
-"""The frames of one message, told apart by their counter and the time of their reception."""
+"""Order and sampling of a device's frames, by their counters and times of reception."""
 
 import math
 from collections import deque
@@ -6,19 +6,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-EARLY = 0.5  # cycles, by which a frame may seem to come before it was sent
-PROMPT = 0.25  # cycles after the promptest, within which a frame is prompt as well
-OVERTAKEN = 3.0  # cycles, after which no frame comes any more that was sent before
+EARLIEST_CYCLES = 0.5  # cycles, by which a frame may seem to come before it was sent
+PROMPT_WITHIN_CYCLES = 0.25  # cycles after the promptest, within which a frame is prompt as well
+OVERTAKEN_AFTER_CYCLES = 3.0  # cycles, after which no frame comes any more that was sent before
 EMPTY_PART_OF_ROUND = 3  # part of a round before prompt frames in which none may come
 LEAST_SUPPORT_PART = 8  # part of the frames that must be prompt
-LEAST_SUPPORT = 3  # frames
-DRIFT = 2e-3  # by which the clock of a device may be slow
-SILENCE = 4.0  # cycles, in which a device may have restarted
+LEAST_SUPPORT_FRAMES = 3  # frames
+CLOCK_WINDOW_S = 10.0  # over which the clock of a device is followed
+CLOCK_KNOWN_S = 1.0  # after which it is relied on
+PROMPT_TIMEOUT_S = 1.0  # in which one frame comes without delay, or the clock has changed
+LEAST_INTERVAL_CYCLES = 0.1  # between two instants of sampling
+LARGEST_CLOCK_DRIFT = 2e-3  # by which the clock of a device may be slow
+RESTART_SILENCE_CYCLES = 4.0  # cycles, in which a device may have restarted
 DOUBTED_FRAMES = 20  # frames in a row without a prompt one, after which it has
-TELLING = 30  # frames, from which on they can tell a cycle time
-CLEAR_TREND = 4.0  # times the unevenness; a delay that ends halfway makes 2.5
-MOST_OFF = 0.25  # of the nominal cycle, by which a device may send faster or slower
-PROMPT_AMONG_FRAMES = 200  # frames in a row, in which a clock cannot drift by as much as `EARLY`
+TELLING_FRAMES = 30  # frames, from which on they can tell a cycle time
+CLEAR_TREND_RATIO = 4.0  # times the unevenness; a delay that ends halfway makes 2.5
+LARGEST_CYCLE_DEVIATION = 0.25  # of the nominal cycle, by which a device may send faster or slower
+# Frames in a row, in which a clock cannot drift by as much as `EARLIEST_CYCLES`
+PROMPT_AMONG_FRAMES = 200
 
 
 class Beat(NamedTuple):
@@ -33,15 +38,19 @@ def measured_cycle(received: np.ndarray, counters: np.ndarray, cycle: float, cou
     """The cycle time [s] by which a device really sends, where frames (n,) come evenly, none is
     lost, and delays cannot have brought about what they show; else the nominal `cycle`.
     """
-    if len(received) < TELLING or ((np.diff(counters) % count) != 1).any():
+    if len(received) < TELLING_FRAMES or ((np.diff(counters) % count) != 1).any():
         return cycle
     index = np.arange(len(received))
     slope, first = np.polyfit(index, received - received[0], 1)
     uneven = np.abs(received - received[0] - first - slope * index).max()
     off = abs(slope / cycle - 1.0)
-    clear = CLEAR_TREND * uneven < off * cycle * len(received)
-    even = uneven < PROMPT * cycle
-    return float(slope) if even and clear and DRIFT < off < MOST_OFF else cycle
+    clear = CLEAR_TREND_RATIO * uneven < off * cycle * len(received)
+    even = uneven < PROMPT_WITHIN_CYCLES * cycle
+    return (
+        float(slope)
+        if even and clear and LARGEST_CLOCK_DRIFT < off < LARGEST_CYCLE_DEVIATION
+        else cycle
+    )
 
 
 def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: int) -> Beat | None:
@@ -53,26 +62,28 @@ def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: i
     """
     late = (received / cycle - counters) % count  # cycles, from any origin
     ordered = np.sort(late)
-    ends = np.searchsorted(np.concatenate([ordered, ordered + count]), ordered + PROMPT)
+    ends = np.searchsorted(
+        np.concatenate([ordered, ordered + count]), ordered + PROMPT_WITHIN_CYCLES
+    )
     support = ends - np.arange(len(ordered))
     best = int(support.argmax())
     before = ordered - np.roll(ordered, 1)
     before[0] += count
     ahead = (ordered[best] - ordered[before >= count / EMPTY_PART_OF_ROUND]) % count
-    enough = min(len(late), max(LEAST_SUPPORT, len(late) // LEAST_SUPPORT_PART))
-    if support[best] < enough or not len(ahead) or ahead.min() > EARLY:
+    enough = min(len(late), max(LEAST_SUPPORT_FRAMES, len(late) // LEAST_SUPPORT_PART))
+    if support[best] < enough or not len(ahead) or ahead.min() > EARLIEST_CYCLES:
         return None
     base = ordered[best] * cycle
     late = (late - ordered[best]) % count
     indices = np.round((received - base) / cycle - late)
     # No older one may follow the first that counts: it would be late by a whole round.
     following = np.append(np.minimum.accumulate(indices[::-1])[::-1][1:], math.inf)
-    firsts = np.flatnonzero((late < PROMPT) & (following > indices))
+    firsts = np.flatnonzero((late < PROMPT_WITHIN_CYCLES) & (following > indices))
     if not len(firsts):
         return None
     first = firsts[0]
     begin, passed = float(received[first]), int(indices[first])
-    if first == 0 or begin - received[first - 1] >= OVERTAKEN * cycle:
+    if first == 0 or begin - received[first - 1] >= OVERTAKEN_AFTER_CYCLES * cycle:
         return Beat(base, begin, passed - 1)
     return Beat(base, math.nextafter(begin, math.inf), passed)  # others may have overtaken it
 
@@ -80,9 +91,9 @@ def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: i
 class FrameStream:
     """Tells the index of each frame, which is proven where
 
-    - no frame comes more than `OVERTAKEN` after one that was sent later,
+    - no frame comes more than `OVERTAKEN_AFTER_CYCLES` after one that was sent later,
     - no frame comes before one that is as prompt as any would, and one of `PROMPT_AMONG_FRAMES` is,
-    - a device is silent for longer than `SILENCE` before it counts anew,
+    - a device is silent for longer than `RESTART_SILENCE_CYCLES` before it counts anew,
 
     for then it is newer than all that came before, no newer than the time allows, and only one
     index in between has its counter. While these hold, a wrong index cannot be proven but where,
@@ -92,7 +103,7 @@ class FrameStream:
     def __init__(self, cycle: float, count: int, beat: Beat):
         self.cycle, self.base = cycle, beat.base
         self._count = count
-        self._overtaken = min(OVERTAKEN, count // 4) * cycle
+        self._overtaken = min(OVERTAKEN_AFTER_CYCLES, count // 4) * cycle
         self._passed = self._newest = beat.passed
         self._recent: deque[tuple[float, int]] = deque()  # may still be followed by older ones
         self._received = beat.received
@@ -112,18 +123,90 @@ class FrameStream:
             self._passed = max(self._passed, self._recent.popleft()[1])
         index = self._passed + 1 + (counter - self._passed - 1) % self._count
         late = (received - self.base) / self.cycle - index
-        if late < -EARLY:
+        if late < -EARLIEST_CYCLES:
             self.known, self.doubtful = not self.doubtful, True
             return index - self._count, False
-        if late >= self._count - EARLY:
+        if late >= self._count - EARLIEST_CYCLES:
             return index, False
-        self._late = 0 if late < EARLY else self._late + 1
-        self.doubtful = (self.doubtful or self.silence(received) > SILENCE) and self._late > 0
+        self._late = 0 if late < EARLIEST_CYCLES else self._late + 1
+        self.doubtful = (
+            self.doubtful or self.silence(received) > RESTART_SILENCE_CYCLES
+        ) and self._late > 0
         self.known = self._late <= (DOUBTED_FRAMES if self.doubtful else PROMPT_AMONG_FRAMES)
         self._newest = max(self._newest, index)
         self._recent.append((received, index))
         self.base = min(
-            self.base + DRIFT * (received - self._received), received - index * self.cycle
+            self.base + LARGEST_CLOCK_DRIFT * (received - self._received),
+            received - index * self.cycle,
         )
         self._received = received
         return index, True
+
+
+class CycleReception(NamedTuple):
+    """A cycle of a device and when it was received [s, steady]."""
+
+    number: int
+    received: float
+
+
+class SamplingClock:
+    """The even clock by which a device samples, seen through receptions that are late at times.
+
+    A frame is never early: over the number of its cycle, receptions lie on or above the straight
+    line of the device's clock, and the frames without delay lie on it. That line is the edge of the
+    lower convex hull of the last receptions below their middle, which follows any drift of the two
+    clocks. Source: Zhang, Liu, Xia, Clock synchronization algorithms for network measurements,
+    IEEE INFOCOM 2002.
+    """
+
+    def __init__(self, cycle: float):
+        self._cycle = cycle
+        self._last = -math.inf
+        self._begin()
+
+    def sampled(self, number: int, received: float) -> float:
+        """When cycle `number` was sampled [s, steady], but for the delay that all frames have.
+
+        Numbers and receptions [s, steady] increase from call to call. Never later than `received`,
+        and the same as long as the clock is not known.
+        """
+        self._extend(CycleReception(number, received))
+        sampled = received
+        if received - self._hull[0].received >= CLOCK_KNOWN_S:
+            sampled = min(received, self._line(number))
+        if received - sampled < self._cycle / 2:
+            self._prompt = received
+        elif received - self._prompt > PROMPT_TIMEOUT_S:
+            self._begin()
+            sampled = received
+        self._last = min(received, max(sampled, self._last + LEAST_INTERVAL_CYCLES * self._cycle))
+        return self._last
+
+    def _begin(self) -> None:
+        self._hull: list[CycleReception] = []
+        self._prompt = -math.inf  # reception of the last frame without delay
+
+    def _extend(self, new: CycleReception) -> None:
+        """Add a point to the hull, whose edges become steeper from left to right."""
+        hull = self._hull
+        while len(hull) > 1 and _slope(hull[-2], new) <= _slope(hull[-2], hull[-1]):
+            hull.pop()
+        hull.append(new)
+        while (
+            len(hull) > 1
+            and new.received - hull[0].received > CLOCK_WINDOW_S
+            and hull[1].received < new.received - CLOCK_KNOWN_S
+        ):
+            hull.pop(0)
+
+    def _line(self, number: int) -> float:
+        """The edge below the middle of the window, prolonged to `number`."""
+        middle = (self._hull[0].number + self._hull[-1].number) / 2
+        right = next(i for i, point in enumerate(self._hull) if point.number >= middle)
+        left = self._hull[right - 1]
+        return left.received + _slope(left, self._hull[right]) * (number - left.number)
+
+
+def _slope(left: CycleReception, right: CycleReception) -> float:
+    return (right.received - left.received) / (right.number - left.number)

@@ -1,13 +1,182 @@
-"""Valve commands as they come: checked as a whole, one after another, ramped to neutral."""
+"""Valve commands: their settings, checks and limits, and how they follow one another."""
 
 import math
 from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
 
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.limits import SafetySettings
+from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError, CraneError, RangeError
+from crane_model.machine import JointLimits, Machine
+from crane_model.machine_files import of_every_joint
 
-# Spool commands as they come: checked as a whole, and how they go back to neutral.
+CommandShare = Annotated[float, Field(gt=0, lt=1)]
+
+# rad, m, before a limit where motion ends: what a valve does while it closes again
+LIMIT_MARGIN = 0.002
+FAR_TOO_FAST_SHARE = 0.2  # of the speed of Table 2, beyond what is allowed
+# Of the command beyond neutral; less than that tells nothing of the speed it gives
+LEAST_OPENING = 0.005
+
+
+class DegradedSettings(Schema):
+    """When a joint may go on by an estimate in the place of its encoder."""
+
+    speed: Annotated[float, Field(gt=0, le=1)]  # share of that of Table 2, of every joint
+    timeout: Positive  # s
+    deviation: dict[str, Positive]  # joint: rad, m; others have no substitute
+
+
+class SafetySettings(Schema):
+    """Settings of the safety functions: times [s], shares of the valve command, decelerations [SI].
+
+    Their meaning stands in the `safety.yaml` of a machine.
+    """
+
+    command_timeout: Positive
+    ramp_time: Positive
+    neutral: CommandShare
+    settling_time: Positive
+    deceleration: dict[str, Positive]  # joint
+    reaction_time: Positive
+    correction_time: Positive
+    opening: CommandShare
+    opening_time: Positive
+    jump_speed: Annotated[float, Field(ge=1)]
+    still_time: Positive
+    still_pressure: Positive
+    degraded: DegradedSettings | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.neutral >= self.opening:
+            raise ValueError(
+                f"neutral is {self.neutral}, it must be less than opening, {self.opening}: what "
+                "moves nothing cannot surely move a joint"
+            )
+        return self
+
+
+def load_safety(path: Path | str, machine: Machine) -> SafetySettings:
+    """Read the settings of the safety functions.
+
+    Parameters
+    ----------
+    path
+        File `safety.yaml`.
+    machine
+        Machine whose joints it names.
+
+    Returns
+    -------
+    SafetySettings
+        The settings.
+
+    Raises
+    ------
+    ConfigurationError
+        If a setting is wrong, or the joints are not those of the machine.
+
+    Examples
+    --------
+    >>> from crane_model import load_machine
+    >>> from crane_model.machine_files import machine_file
+    >>> settings = load_safety(machine_file("safety.yaml"), load_machine())
+    >>> settings.neutral < settings.opening
+    True
+    """
+    settings = load(path, SafetySettings)
+    of_every_joint(settings.deceleration, machine.joint_names, f"{path}: key 'deceleration'")
+    permitted = settings.degraded.deviation if settings.degraded else {}
+    if unknown := [joint for joint in permitted if joint not in machine.joint_names]:
+        raise ConfigurationError(
+            f"{path}: key 'degraded.deviation' names {', '.join(unknown)}; the joints are "
+            f"{', '.join(machine.joint_names)}"
+        )
+    return settings
+
+
+class JointLimiter:
+    """Limits the valve command of one joint by its measured position and velocity.
+
+    Towards a limit at distance d, less the margin, the allowed speed is sqrt(2 a d), at most that
+    of Table 2 or a share of it. The valve opens only so fast that the speed can be watched, and no
+    further than an allowed speed can need at most.
+
+    If the joint is too fast all the same, as valve, load and oil may have it, the valve is held
+    from then on where it gives the allowed speed, by the speed that an opening beyond neutral has
+    given in the mean of late. A mean, because a limit that follows each swing of a load on its oil
+    drives it. If the joint is far too fast, or faster than it can brake, its valve is closed at
+    once in the ratio of the allowed to the measured speed. A joint that is about to reach its
+    limit, but for the margin, within the reaction time is commanded to neutral; one that has
+    reached it may only be commanded away from it.
+    """
+
+    def __init__(self, limits: JointLimits, deceleration: float, settings: SafetySettings):
+        self._limits, self._deceleration = limits, deceleration
+        self._reaction, self._correction = settings.reaction_time, settings.correction_time
+        self._opening, self._opening_time = settings.opening, settings.opening_time
+        self._neutral = settings.neutral
+        self.restart()
+
+    def restart(self, share: float = 1.0) -> None:
+        """Begin at neutral, whatever was sent before, with a `share` of the speed of Table 2."""
+        self._share = share
+        self._start(0.0)
+
+    def _start(self, direction: float) -> None:
+        self._direction = direction
+        self._sent = 0.0
+        self._cause = 0.0  # the command that the present speed comes from
+        self._was_too_fast = False
+        self._mean_speed, self._mean_opening = 0.0, LEAST_OPENING
+
+    def limit(self, command: float, position: float, velocity: float, dt: float) -> float:
+        """`command` (-1 to 1), or a smaller one of the same sign, `dt` [s] after the last call.
+
+        Units of position and velocity: rad, rad/s or m, m/s; both finite.
+        """
+        direction = math.copysign(1.0, command) if command else 0.0
+        if direction != self._direction:
+            self._start(direction)
+        self._cause += (self._sent - self._cause) * min(1.0, dt / self._reaction)
+        bound = self._bound(direction, position, velocity, dt)
+        self._sent = min(abs(command), self._opened(dt), bound)
+        return direction * self._sent
+
+    def _opened(self, dt: float) -> float:
+        """How far the valve may be open by now. If a share of the speed is allowed, it opens more
+        slowly by its square: the joint is watched for longer, on a shorter path.
+        """
+        at_once = self._neutral + self._share * (self._opening - self._neutral)
+        return max(self._sent, at_once) + self._share**2 * dt / self._opening_time
+
+    def _bound(self, direction: float, position: float, velocity: float, dt: float) -> float:
+        limits = self._limits
+        if direction > 0.0:
+            distance, fastest = limits.position_max - position, limits.velocity_max
+        else:
+            distance, fastest = position - limits.position_min, -limits.velocity_min
+        distance -= LIMIT_MARGIN
+        speed = direction * velocity
+        if distance <= max(0.0, speed * self._reaction):
+            return 0.0
+        permitted, brake = self._share * fastest, math.sqrt(2.0 * self._deceleration * distance)
+        allowed = min(permitted, brake)
+        opening = max(self._cause - self._neutral, LEAST_OPENING)
+        weight = min(1.0, self._share * dt / self._correction)
+        self._mean_speed += (speed - self._mean_speed) * weight
+        self._mean_opening += (opening - self._mean_opening) * weight
+        self._was_too_fast |= speed > allowed
+        bound = self._opening + (1.0 - self._opening) * allowed / fastest
+        if self._was_too_fast and self._mean_speed > 0.0:
+            bound = min(bound, self._neutral + self._mean_opening * allowed / self._mean_speed)
+        if speed > min(permitted + FAR_TOO_FAST_SHARE * fastest, brake):
+            bound = min(bound, self._neutral + opening * allowed / speed)
+        return bound
 
 
 class RefusedError(CraneError):
@@ -55,11 +224,8 @@ def check_command(
 
 
 def ramped(command: float, step: float) -> float:
-    """A spool command that is `step` nearer to neutral, and never beyond it."""
+    """A valve command that is `step` nearer to neutral, and never beyond it."""
     return max(command - step, 0.0) if command > 0.0 else min(command + step, 0.0)
-
-
-# Commands as they follow one another: of one publisher, from a neutral one on, none late.
 
 
 class CommandSeries:
@@ -76,16 +242,13 @@ class CommandSeries:
 
     @property
     def is_neutral(self) -> bool:
-        """Whether nothing is to move."""
         return all(abs(value) <= self._settings.neutral for value in self.target.values())
 
     @property
     def several(self) -> str:
-        """Says that several publish, where they do."""
         return f"{self.publishers} publishers command the valves" if self.publishers > 1 else ""
 
     def __str__(self) -> str:
-        """What is commanded."""
         return ", ".join(f"{joint} {value:.3g}" for joint, value in self.target.items() if value)
 
     def take(
@@ -114,15 +277,13 @@ class CommandSeries:
         self._from_neutral, self._received = begun, received
 
     def fresh(self, now: float) -> bool:
-        """Whether the last command is not too old."""
+        """Return whether the last command is not too old."""
         return now - self._received <= self._settings.command_timeout
 
     def begin(self, now: float) -> None:
-        """From now on commands reach the valves."""
         self._from_neutral = self.fresh(now)
 
     def end(self) -> None:
-        """They do no more."""
         self._from_neutral = False
 
     def overdue(self, now: float) -> Fault | None:

@@ -5,30 +5,28 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple, Self
 
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.commands import RefusedError
-from crane_driver.safety.limits import DegradedSettings, SafetySettings
-from crane_driver.safety.states import Level, News
+from crane_driver.safety.commands import DegradedSettings, RefusedError, SafetySettings
 from crane_model.machine import JointLimits
-
-# Positions that no joint can have: an encoder that is frozen, or that jumps, is not believed.
 
 STILL_STEPS = 3.0  # of the encoder, within which a reading counts as unchanged
 
+USABLE_CONDITIONS = ("GOOD", "ENCODER_LOST")  # conditions of an estimate that may lead a joint
+CAUTION_SIGMAS = 3.0  # standard deviations, by which an estimate may be wrong
+
 
 class _Stillness:
-    """How long a reading has not changed while the valve was open one way by more than `spool`."""
+    """How long a reading has not changed while the valve was open one way beyond `threshold`."""
 
-    def __init__(self, spool: float, margin: float):
-        self._spool, self._margin = spool, margin
+    def __init__(self, threshold: float, margin: float):
+        self._threshold, self._margin = threshold, margin
         self._direction = 0.0
         self._since = self._lowest = self._highest = math.nan
         self._pressures: Sequence[float] = (math.nan, math.nan)
 
     def observe(
-        self, time: float, position: float, spool: float, pressures: Sequence[float]
+        self, time: float, position: float, command: float, pressures: Sequence[float]
     ) -> float:
-        """How long it has not changed [s]."""
-        direction = math.copysign(1.0, spool) if abs(spool) > self._spool else 0.0
+        direction = math.copysign(1.0, command) if abs(command) > self._threshold else 0.0
         if position < self._lowest:
             self._lowest = position
         elif position > self._highest:
@@ -70,16 +68,16 @@ class PositionWatch:
         self.believed = True
 
     def observe(
-        self, time: float, position: float, spool: float, pressures: Sequence[float]
+        self, time: float, position: float, command: float, pressures: Sequence[float]
     ) -> Fault | None:
         """What is newly wrong with a reading at `time` [s].
 
-        `spool`: what the valve was last sent (-1 to 1); `pressures` [Pa] of both chambers,
+        `command`: what the valve was last sent (-1 to 1); `pressures` [Pa] of both chambers,
         NaN where they are not measured.
         """
         if not self.believed or not math.isfinite(position):
             return None
-        wrong = self._jumped(time, position) or self._still(time, position, spool, pressures)
+        wrong = self._jumped(time, position) or self._still(time, position, command, pressures)
         self._time, self._position = time, position
         self.believed = wrong is None
         return wrong
@@ -95,13 +93,13 @@ class PositionWatch:
         return Fault(FaultKind.JUMPED, detail, self._joint)
 
     def _still(
-        self, time: float, position: float, spool: float, pressures: Sequence[float]
+        self, time: float, position: float, command: float, pressures: Sequence[float]
     ) -> Fault | None:
         longest = self._settings.still_time
-        driven = self._driven.observe(time, position, spool, pressures)
-        pressed = self._pressed.observe(time, position, spool, pressures)
+        driven = self._driven.observe(time, position, command, pressures)
+        pressed = self._pressed.observe(time, position, command, pressures)
         if driven > longest:
-            why = f"for {driven * 1e3:.0f} ms with its valve open by {abs(spool):.2f}"
+            why = f"for {driven * 1e3:.0f} ms with its valve open by {abs(command):.2f}"
         elif pressed > longest and (
             (change := self._pressed.pressure_change(pressures)) > self._settings.still_pressure
         ):
@@ -117,24 +115,21 @@ def believed(
     watches: Mapping[str, PositionWatch],
     time: float,
     positions: Mapping[str, float],
-    spools: Mapping[str, float],
+    commands: Mapping[str, float],
     pressures: Mapping[str, float],
 ) -> tuple[dict[str, float], list[Fault]]:
     """The positions, NaN where they are not believed, and what is newly wrong."""
     found, wrong = dict(positions), []
     for joint, watch in watches.items():
         chambers = [pressures.get(name, math.nan) for name in watch.chambers]
-        if fault := watch.observe(time, positions[joint], spools[joint], chambers):
+        if fault := watch.observe(time, positions[joint], commands[joint], chambers):
             wrong.append(fault)
         if not watch.believed:
             found[joint] = math.nan
     return found, wrong
 
 
-# Encoders that the sensor monitor has found to lie: they lead the crane nowhere.
-
-
-class LyingEncoders:
+class FaultyEncoders:
     """Those that were found since the driver began, until the monitor forgets them.
 
     What was found before concerns readings that this driver never made: it is told, and nothing
@@ -145,25 +140,25 @@ class LyingEncoders:
         self._standing: dict[str, str] = {}  # joint: what is wrong
         self._before: set[str] = set()  # joints
 
-    def take(self, told: Mapping[str, str], before: bool) -> tuple[list[Fault], list[News]]:
+    def take(self, told: Mapping[str, str], before: bool) -> tuple[list[Fault], list[str]]:
         """What is new in all that the monitor has found, joint by joint, and what to log.
 
         before: whether it was found before the driver began.
         """
         old = set(told) if before else self._before & set(told)
-        news = [
-            News(Level.WARNING, f"{joint}: {told[joint]}, found before this driver began: not "
-                 "heeded; if it is not mended, mend it, then let sensor_monitor forget it")
+        warnings = [
+            f"{joint}: {told[joint]}, found before this driver began: not heeded; if it is not "
+            "repaired, repair it, then let sensor_monitor forget it"
             for joint in sorted(old - self._before)
-        ]  # fmt: skip
+        ]
         faults = [
-            Fault(FaultKind.LYING, what, joint)
+            Fault(FaultKind.FAULTY_ENCODER, what, joint)
             for joint, what in told.items()
             if joint not in old and joint not in self._standing
         ]
         self._before = old
         self._standing = {joint: what for joint, what in told.items() if joint not in old}
-        return faults, news
+        return faults, warnings
 
     def problem(self, substituted: str) -> str:
         """Why the crane may not be enabled; empty if it may. The encoder that is substituted is not
@@ -175,15 +170,9 @@ class LyingEncoders:
         if not wrong:
             return ""
         return (
-            f"{'; '.join(wrong)}; mend it and let sensor_monitor forget it, or go on without it "
+            f"{'; '.join(wrong)}; repair it and let sensor_monitor forget it, or go on without it "
             "by substitute"
         )
-
-
-# One joint that goes on by an estimate, because its encoder is lost.
-
-USABLE = ("GOOD", "ENCODER_LOST")  # conditions of an estimate that may lead a joint
-CAUTION = 3.0  # standard deviations, by which an estimate may be wrong
 
 
 class JointEstimate(NamedTuple):
@@ -230,15 +219,15 @@ class Substitution:
     def problem(self, now: float) -> str:
         """Why the estimate may not be used at `now` [s]; empty if it may."""
         if self._newest is None:
-            return "no estimate of its position has come; start position_sensor"
+            return "no estimate of its position has come; start position_estimator"
         age, deviation = now - self._newest.time, self._newest.deviation
         if age > self._settings.timeout:
             return (
                 f"its estimate is {age * 1e3:.0f} ms old, limit "
                 f"{self._settings.timeout * 1e3:.0f} ms"
             )
-        if self._newest.condition not in USABLE:
-            return f"its estimate is {self._newest.condition}, not {' or '.join(USABLE)}"
+        if self._newest.condition not in USABLE_CONDITIONS:
+            return f"its estimate is {self._newest.condition}, not {' or '.join(USABLE_CONDITIONS)}"
         if deviation > self._settings.deviation[self.joint]:
             return (
                 f"the standard deviation of its estimate is {deviation:.3g}, limit "
@@ -258,4 +247,4 @@ class Substitution:
         position, _ = self.motion(now)
         if self._newest is None or not command:
             return position
-        return position + math.copysign(CAUTION * self._newest.deviation, command)
+        return position + math.copysign(CAUTION_SIGMAS * self._newest.deviation, command)

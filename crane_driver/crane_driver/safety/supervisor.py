@@ -1,25 +1,138 @@
-"""What reaches the valves: commands judged, faults latched, everything else ramped to neutral."""
+"""The supervisor judges commands, latches faults, and ramps to neutral whatever is not allowed."""
 
 import math
+from collections import UserDict
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from enum import Enum, StrEnum, auto
+from typing import NamedTuple, Self
 
 from crane_driver.faults import IN_EVERY_STATE, Fault, FaultKind
-from crane_driver.safety.commands import CommandSeries, RefusedError, ramped
-from crane_driver.safety.limits import JointLimiter, SafetySettings
-from crane_driver.safety.plausibility import JointEstimate, LyingEncoders, Substitution
-from crane_driver.safety.states import (
-    LETTING_THROUGH,
-    TRANSITIONS,
-    Event,
-    LatchedFaults,
-    Level,
-    News,
-    SafetyState,
+from crane_driver.safety.commands import (
+    CommandSeries,
+    JointLimiter,
+    RefusedError,
+    SafetySettings,
+    ramped,
 )
+from crane_driver.safety.plausibility import FaultyEncoders, JointEstimate, Substitution
 from crane_model.machine import Machine
 
-LONGEST_STEP = 0.05  # s; after a longer pause ramp and limiters go on as if it had been this one
+LONGEST_STEP_S = 0.05  # s; after a longer pause ramp and limiters go on as if it had been this one
+
+
+class SafetyState(StrEnum):
+    """Commands reach the valves in ENABLED and in DEGRADED alone."""
+
+    cause: str  # why they do not, or only slower; of a fault, the fault says it
+    remedy: str
+
+    def __new__(cls, word: str, cause: str = "", remedy: str = "") -> Self:
+        state = str.__new__(cls, word)
+        state._value_ = word
+        state.cause, state.remedy = cause, remedy
+        return state
+
+    OFFLINE = (
+        *("offline", "not all messages and devices of the machine are there and in time"),
+        "see /diagnostics for those that are not",
+    )
+    DISABLED = "disabled", "the driver is disabled", "call enable"
+    ENABLED = "enabled"
+    DEGRADED = (
+        *("degraded", "a joint goes on by an estimate: speeds are limited"),
+        "repair its encoder, disable, then substitute an empty joint",
+    )
+    LISTENING = (  # and in no other state before it is configured anew
+        *("listening", "the driver only listens (parameter listen_only): it sends nothing"),
+        "to move or stop the crane, use what commands it",
+    )
+    FAULT = "fault"  # ramped to neutral; latched until reset
+    ESTOP = (  # neutral at once; latched until reset
+        *("emergency stop", "the emergency stop of the driver was called"),
+        "make sure that the crane may move, then call reset_fault",
+    )
+
+
+class Event(StrEnum):
+    """What may change the state."""
+
+    READY = "ready"
+    ENABLE = "enable"
+    ENABLE_DEGRADED = "enable degraded"  # an encoder is substituted
+    DISABLE = "disable"
+    FAULT = "fault"
+    EMERGENCY_STOP = "emergency stop"
+    RESET = "reset"
+
+
+TRANSITIONS: dict[tuple[SafetyState, Event], SafetyState] = {
+    (SafetyState.OFFLINE, Event.READY): SafetyState.DISABLED,
+    (SafetyState.DISABLED, Event.ENABLE): SafetyState.ENABLED,
+    (SafetyState.DISABLED, Event.ENABLE_DEGRADED): SafetyState.DEGRADED,
+    (SafetyState.ENABLED, Event.DISABLE): SafetyState.DISABLED,
+    (SafetyState.DEGRADED, Event.DISABLE): SafetyState.DISABLED,
+    (SafetyState.OFFLINE, Event.FAULT): SafetyState.FAULT,  # only what is wrong in every state
+    (SafetyState.DISABLED, Event.FAULT): SafetyState.FAULT,
+    (SafetyState.ENABLED, Event.FAULT): SafetyState.FAULT,
+    (SafetyState.DEGRADED, Event.FAULT): SafetyState.FAULT,
+    # Not to DISABLED: whether the machine is well has to be seen anew.
+    (SafetyState.FAULT, Event.RESET): SafetyState.OFFLINE,
+    (SafetyState.ESTOP, Event.RESET): SafetyState.OFFLINE,
+    **{
+        (state, Event.EMERGENCY_STOP): SafetyState.ESTOP
+        for state in SafetyState
+        if state is not SafetyState.LISTENING
+    },
+}
+"""What is not in the table does not happen: in particular nothing but ENABLE leads to ENABLED."""
+
+LETTING_THROUGH = frozenset({SafetyState.ENABLED, SafetyState.DEGRADED})
+"""In these, commands reach the valves."""
+
+
+@dataclass
+class Latched:
+    """A fault since the last reset: what was said first, and how often it came."""
+
+    fault: Fault
+    count: int = 1
+
+
+class LatchedFaults(UserDict[str, Latched]):
+    """By kind and source, in the order in which they came first."""
+
+    @property
+    def first(self) -> Fault | None:
+        """The one that is told: others that are latched follow from it, most of the time."""
+        faults = [fault.fault for fault in self.values()]
+        return next(
+            (fault for fault in faults if fault.kind in IN_EVERY_STATE), next(iter(faults), None)
+        )
+
+    def add(self, fault: Fault) -> bool:
+        key = f"{fault.kind} {fault.source}".strip()
+        if key in self:
+            self[key].count += 1
+            return False
+        self[key] = Latched(fault)
+        return True
+
+
+class Level(Enum):
+    """How much it matters."""
+
+    DEBUG = auto()  # a consequence of what was said
+    INFO = auto()  # a state
+    WARNING = auto()  # what was refused, and what devices report
+    ERROR = auto()  # a fault
+
+
+class LogEntry(NamedTuple):
+    """One line of the log."""
+
+    level: Level
+    text: str
 
 
 class Output(NamedTuple):
@@ -50,14 +163,14 @@ class Supervisor:
         self._position: dict[str, float] = {}
         self._velocity: dict[str, float] = {}
         self._substitution: Substitution | None = None
-        self._lying = LyingEncoders()
+        self._faulty_encoders = FaultyEncoders()
         self._stepped = now
         self._troubled = now  # when the last fault of the bus was seen
         self.state = SafetyState.LISTENING if listen_only else SafetyState.OFFLINE
         self.commands = CommandSeries(self._valves, settings)
         self.faults = LatchedFaults()
         self.limited: dict[str, float] = {}  # commands that the limits of Table 2 held back
-        self.news: list[News] = []  # for the log
+        self.log: list[LogEntry] = []  # for the log
 
     @property
     def cause(self) -> str:
@@ -74,7 +187,6 @@ class Supervisor:
 
     @property
     def remedy(self) -> str:
-        """What to do about it."""
         fault = self.faults.first
         return fault.remedy if fault and self.state is SafetyState.FAULT else self.state.remedy
 
@@ -87,22 +199,20 @@ class Supervisor:
     def command(self, names: Sequence[str], values: Sequence[float], received: float) -> None:
         """Take a command that came at `received`; `RefusedError` if it is refused as a whole."""
         if self.letting_through:
-            self._judge_age(received)  # first: a command that comes too late mends nothing
+            self._judge_age(received)  # first: a command that comes too late repairs nothing
         self.commands.take(names, values, received, moves=self.letting_through)
 
     def published_by(self, count: int) -> None:
-        """How many publishers of commands there are."""
         self.commands.publishers = count
         if self.commands.several and self.letting_through:
             self._latch(Fault(FaultKind.SEVERAL_PUBLISHERS, self.commands.several))
 
     def readings(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
-        """The newest measured state; NaN where there is none."""
         self._position, self._velocity = dict(positions), dict(velocities)
 
     @property
     def letting_through(self) -> bool:
-        """Whether commands reach the valves."""
+        """Return whether commands reach the valves."""
         return self.state in LETTING_THROUGH
 
     @property
@@ -127,10 +237,9 @@ class Supervisor:
                 "that back with an empty joint first"
             )
         self._substitution = Substitution.permitted(joint, self._valves, self._settings.degraded)
-        self.news.append(News(Level.WARNING, f"{joint}: its encoder is not believed any more"))
+        self.log.append(LogEntry(Level.WARNING, f"{joint}: its encoder is not believed any more"))
 
     def estimated(self, estimate: JointEstimate, now: float) -> None:
-        """What is told of the joint that is substituted."""
         if self._substitution:
             self._substitution.tell(estimate, now)
 
@@ -145,13 +254,13 @@ class Supervisor:
             for fault in faults:
                 self._latch(fault)
 
-    def lying(self, told: Mapping[str, str], before: bool) -> None:
+    def encoders_found_faulty(self, told: Mapping[str, str], before: bool) -> None:
         """All that the sensor monitor has found wrong with positions, by joint; `before`: found
         before the driver began.
         """
-        faults, news = self._lying.take(told, before)
-        self.news += news
-        self.not_believed(one for one in faults if one.source != self.substituted)
+        faults, warnings = self._faulty_encoders.take(told, before)
+        self.log += [LogEntry(Level.WARNING, text) for text in warnings]
+        self.not_believed(fault for fault in faults if fault.source != self.substituted)
 
     def stalled(self, fault: Fault, now: float) -> None:
         """The driver itself did not run; offline, nothing moves meanwhile."""
@@ -160,7 +269,6 @@ class Supervisor:
             self._latch(fault)
 
     def can_faults(self, faults: Iterable[Fault], now: float) -> None:
-        """Faults of bus, frames and devices."""
         for fault in faults:
             self._troubled = now
             if self.state is SafetyState.OFFLINE and fault.kind not in IN_EVERY_STATE:
@@ -168,7 +276,7 @@ class Supervisor:
             self._latch(fault)
 
     def ready(self, complete: bool, now: float) -> None:
-        """Whether all messages of the machine come in time."""
+        """Return whether all messages of the machine come in time."""
         well = now - self._troubled > self._settings.settling_time
         if self.state is SafetyState.OFFLINE and complete and well and not self._unknown(now):
             self._happen(Event.READY)
@@ -189,7 +297,7 @@ class Supervisor:
             )
         if problem := self._estimate_problem(now):
             raise RefusedError(f"not enabled: {self.substituted}: {problem}")
-        if problem := self._lying.problem(self.substituted):
+        if problem := self._faulty_encoders.problem(self.substituted):
             raise RefusedError(f"not enabled: {problem}")
         self.commands.begin(now)
         degraded = self._settings.degraded if self._substitution else None
@@ -223,7 +331,7 @@ class Supervisor:
 
     def output(self, now: float) -> Output:
         """What to send at `now`; to be called in every cycle."""
-        dt = min(now - self._stepped, LONGEST_STEP)
+        dt = min(now - self._stepped, LONGEST_STEP_S)
         self._stepped = now
         if self.letting_through:
             self._judge_age(now)
@@ -248,9 +356,9 @@ class Supervisor:
     def _within_limits(self, dt: float, now: float) -> dict[str, float]:
         position, velocity = dict(self._position), dict(self._velocity)
         target = self.commands.target
-        if one := self._substitution:
-            position[one.joint] = one.towards(target[one.joint], now)
-            velocity[one.joint] = one.motion(now)[1]
+        if substitution := self._substitution:
+            position[substitution.joint] = substitution.towards(target[substitution.joint], now)
+            velocity[substitution.joint] = substitution.motion(now)[1]
         output = {
             joint: self._limiters[joint].limit(target[joint], position[joint], velocity[joint], dt)
             for joint in self._valves
@@ -263,8 +371,8 @@ class Supervisor:
             joint: (self._position.get(joint, math.nan), self._velocity.get(joint, math.nan))
             for joint in self._valves
         }
-        if one := self._substitution:
-            motions[one.joint] = one.motion(now)
+        if substitution := self._substitution:
+            motions[substitution.joint] = substitution.motion(now)
         return [joint for joint, motion in motions.items() if not math.isfinite(sum(motion))]
 
     def _estimate_problem(self, now: float) -> str:
@@ -279,13 +387,13 @@ class Supervisor:
             level = Level.ERROR if fault is self.faults.first else Level.DEBUG
             if self.state is SafetyState.LISTENING:
                 level = Level.WARNING  # nothing follows from it
-            self.news.append(News(level, self.line(fault)))
+            self.log.append(LogEntry(level, self.line(fault)))
         if (self.state, Event.FAULT) in TRANSITIONS:
             self._happen(Event.FAULT)
 
     def _happen(self, event: Event) -> None:
         previous, self.state = self.state, TRANSITIONS[self.state, event]
         if self.state not in (previous, SafetyState.FAULT):  # a fault has been said
-            self.news.append(News(Level.INFO, f"{previous} -> {self.state}"))
+            self.log.append(LogEntry(Level.INFO, f"{previous} -> {self.state}"))
         if not self.letting_through:
             self.commands.end()

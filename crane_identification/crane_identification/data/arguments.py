@@ -1,4 +1,4 @@
-"""What commands that read recordings share: their options, and the recordings that these mean."""
+"""Command-line options that the commands reading recordings share, and reading them."""
 
 import argparse
 from collections import Counter
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import combinations
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,10 +21,21 @@ from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress
 
+Request = TypeVar("Request")
+
+
+def request_of(kind: type[Request], arguments: argparse.Namespace) -> Request:
+    """The dataclass `kind` with the parsed option of each field's name.
+
+    A field `options` collects those of the parsed options that `Options` has.
+    """
+    given: dict[str, Any] = vars(arguments) | {"options": options_of(arguments)}
+    return kind(**{field.name: given[field.name] for field in fields(kind)})  # type: ignore[arg-type]
+
 
 @dataclass(frozen=True)
 class Sources:
-    """Reads recordings of either kind, each file once: what `options` say is to be used of them."""
+    """Reads recordings of either kind, each file once, as far as the `options` use them."""
 
     model: Model
     columns: ColumnMap | None
@@ -41,8 +53,8 @@ class Sources:
 
 
 def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) -> None:
-    """`DataError` naming the recordings given for training and for validation, and `why` not; or
-    those that are given twice for one of them: they would count as two that agree.
+    """`DataError` if a recording is given for training and validation, with the reason `why` not,
+    or twice for one of them: it would count as two that agree.
     """
     both = {path.resolve() for path in train} & {path.resolve() for path in validate}
     if both:
@@ -56,42 +68,42 @@ def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) ->
 
 
 def refuse_copies(logs: Sequence[Log]) -> None:
-    """`DataError` naming two recordings of the same samples: one is a copy of the other."""
-    for one, other in combinations(logs, 2):
-        if one.start == other.start and all(
-            _same(getattr(one, field.name), getattr(other, field.name)) for field in fields(Log)
+    """`DataError` if two recordings hold the same samples."""
+    for log, later in combinations(logs, 2):
+        if log.start == later.start and all(
+            _same(getattr(log, field.name), getattr(later, field.name)) for field in fields(Log)
         ):
             raise DataError(
-                f"{other.source}: the same samples as {one.source}, of which it is a copy; give "
+                f"{later.source}: the same samples as {log.source}, of which it is a copy; give "
                 "each recording once"
             )
 
 
-def _same(one: object, other: object) -> bool:
-    """Whether two signals hold the same samples; what is no signal tells nothing."""
-    if not isinstance(one, Signal) or not isinstance(other, Signal):
-        return (one is None) == (other is None)
-    return np.array_equal(one.time, other.time) and np.array_equal(
-        one.value, other.value, equal_nan=True
+def _same(first: object, second: object) -> bool:
+    """Return whether two signals hold the same samples, or neither is a signal."""
+    if not isinstance(first, Signal) or not isinstance(second, Signal):
+        return (first is None) == (second is None)
+    return np.array_equal(first.time, second.time) and np.array_equal(
+        first.value, second.value, equal_nan=True
     )
 
 
 def add_recordings(
     parser: argparse.ArgumentParser, option: str, what: str, required: bool = False
 ) -> None:
-    """Adds an option that names recordings; given several times, it names them all."""
+    """Add an option that names recordings; given several times, it names them all."""
     parser.add_argument(option, type=Path, nargs="+", default=[], required=required, help=what)
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that say which part of a recording is used, and whose topics of a bag."""
+    """Add the options that choose a part of each recording, and the namespace of a bag."""
     parser.add_argument(
         "--from",
         dest="begin",
         type=between(0.0),
         default=Options().begin,
         metavar="SECONDS",
-        help="leave out what comes before, counted from the start of each recording",
+        help="begin of the part to use, from the start of each recording",
     )
     parser.add_argument(
         "--to",
@@ -99,7 +111,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         type=between(0.0),
         default=Options().end,
         metavar="SECONDS",
-        help="leave out what comes behind, counted alike",
+        help="end of the part to use, from the start of each recording",
     )
     parser.add_argument(
         "--rate",
@@ -111,18 +123,18 @@ def add_part(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--namespace",
         type=lambda text: "/" + text.strip("/"),
-        help="of the crane, such as /left, where a bag holds several",
+        help="ROS namespace of the crane, for example /left, if a bag holds several",
     )
 
 
 def add_processing(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that say how recordings are used, of which `options_of` makes `Options`."""
+    """Add the options that say how recordings are used; `options_of` reads them."""
     add_part(parser)
     parser.add_argument(
         "--period",
         type=above(0.0),
         metavar="SECONDS",
-        help="period over which to average; found in the recordings where it is not given",
+        help="period over which to average (default: found in the recordings)",
     )
     parser.add_argument(
         "--no-average",
@@ -133,19 +145,15 @@ def add_processing(parser: argparse.ArgumentParser) -> None:
 
 
 def options_of(arguments: argparse.Namespace) -> Options:
-    """What the options of `add_processing` choose."""
+    """The parsed options that `Options` has a field for."""
+    given = vars(arguments)
     return Options(
-        begin=arguments.begin,
-        end=arguments.end,
-        namespace=arguments.namespace,
-        rate=arguments.rate,
-        average=arguments.average,
-        period=arguments.period,
+        **{field.name: given[field.name] for field in fields(Options) if field.name in given}
     )
 
 
 def add_trust(parser: argparse.ArgumentParser) -> None:
-    """Adds the option that goes on with recordings that look wrong."""
+    """Add the option that goes on with recordings that look wrong."""
     parser.add_argument(
         "--trust-recordings",
         action="store_true",

@@ -20,24 +20,27 @@ from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import LARGEST_GAP
 from crane_model.errors import DataError
 
-COUNTS = 4.0  # steps of the sensor that quantisation never makes
-NOISE = 8.0  # times the 0.75 quantile of all jumps, ...
-AROUND = 10.0  # ... or times the median of those around
+QUANTISATION_STEPS = 4.0  # steps of the sensor that quantisation never makes
+NOISE_QUANTILES = 8.0  # times the 0.75 quantile of all jumps, ...
+MEDIAN_JUMPS = 10.0  # ... or times the median of those around
 NEIGHBOURS = 25  # samples before and behind, that are around
-BENT = 5.0  # times the median change of velocity around, which vibrations have everywhere
-LATE = 95  # percentile of how far stamps are off, and of how often a state is sent again
-TWICE = 2.0  # times as far as the joint goes meanwhile: it catches up behind
-HELD_COUNTS = 2.0  # steps that the joint goes on, if a reading that stays was sent again
-OFTEN = 0.005  # share of samples that were sent again, from which on it is a habit of the sender
-MOSTLY = 0.5  # share from which on the sensor is slow: `check_recording` reports its true rate
-STRIDE = 5  # samples, over which a speed is measured that single bad ones do not spoil
+BEND_FACTOR = 5.0  # times the median change of velocity around, which vibrations have everywhere
+LATE_PERCENTILE = 95  # percentile of how far stamps are off, and of how often a state is sent again
+CATCHING_UP_FACTOR = 2.0  # times as far as the joint goes meanwhile: it catches up behind
+HELD_STEPS = 2.0  # steps that the joint goes on, if a reading that stays was sent again
+# Share of samples that were sent again, from which on it is a habit of the sender
+LEAST_REPEATED_SHARE = 0.005
+# Share from which on the sensor is slow: `check_recording` reports its true rate
+MOST_REPEATED_SHARE = 0.5
+SPEED_SAMPLES = 5  # samples, over which a speed is measured that single bad ones do not spoil
 FEWEST_LEVELS = 10  # readings of one order of magnitude that show its step
-ACCELERATION = 10.0  # times what the joint reaches over LARGEST_GAP for a hundredth of the time
-SHOCK = 0.3  # of its range, to which a pressure or a force may really jump, and back
-FASTER = 10.0  # than everything else in the recording: no machine does that
-FAR = 0.02  # of the range of the recording, at least, that such a jump leads
-MANY = 0.05  # share of bad samples from which on the sensor is not to be trusted
-NAMED = 5  # bad samples that are named one by one
+# Times what the joint reaches over LARGEST_GAP for a hundredth of the time
+ACCELERATION_FACTOR = 10.0
+SHOCK_RANGE_SHARE = 0.3  # of its range, to which a pressure or a force may really jump, and back
+JUMP_SPEED_FACTOR = 10.0  # than everything else in the recording: no machine does that
+LEAST_JUMP_SHARE = 0.02  # of the range of the recording, at least, that such a jump leads
+MOST_BAD_SHARE = 0.05  # share of bad samples from which on the sensor is not to be trusted
+MOST_NAMED_SAMPLES = 5  # bad samples that are named one by one
 
 
 @dataclass(frozen=True)
@@ -103,23 +106,31 @@ def _sent_again(log: Log) -> np.ndarray:
     for signal in (log.force, log.pressure_a, log.pressure_b):
         if signal is not None and np.array_equal(signal.time, time):
             repeats &= _repeats(signal.value)
-    if repeats.mean() < OFTEN or not np.isfinite(value).all() or len(time) < 2 * NEIGHBOURS:
+    if (
+        repeats.mean() < LEAST_REPEATED_SHARE
+        or not np.isfinite(value).all()
+        or len(time) < 2 * NEIGHBOURS
+    ):
         return none
     moves, interval = none.copy(), np.diff(time)
     for column in value.T:
-        moves[1:] |= _speed(time, column) * interval > HELD_COUNTS * _steps(column)
+        moves[1:] |= _speed(time, column) * interval > HELD_STEPS * _steps(column)
     again = repeats & moves
     edges = np.flatnonzero(np.diff(again, prepend=False, append=False))
     for first, behind in zip(edges[::2], edges[1::2], strict=True):
         if time[min(behind, len(time) - 1)] - time[first - 1] > LARGEST_GAP:
             again[first:behind] = False
-    return again if OFTEN < again.sum() / max(moves.sum(), 1) < MOSTLY else none
+    return (
+        again
+        if LEAST_REPEATED_SHARE < again.sum() / max(moves.sum(), 1) < MOST_REPEATED_SHARE
+        else none
+    )
 
 
 def _bad(
     log: Log, what: str, signal: Signal, j: int, inside: np.ndarray, moves: bool
 ) -> np.ndarray:
-    """Bad samples of column j that lie `inside` (n,); `DataError` if they cannot be mended."""
+    """Bad samples of column j that lie `inside` (n,); `DataError` if they cannot be repaired."""
     rows = np.flatnonzero(np.isfinite(signal.value[:, j]))
     if len(rows) < 2 * NEIGHBOURS:
         return rows[:0]
@@ -129,10 +140,10 @@ def _bad(
         raise DataError(
             f"{log.source}: {what}: jumps from {before:.6g} to {after:.6g} at sample {rows[jump]}, "
             f"{signal.time[rows[jump]]:.4g} s, and does not come back: the sensor lost its count, "
-            "or turned over; mend it, or keep one side with --from and --to"
+            "or turned over; repair it, or keep one side with --from and --to"
         )
     bad = rows[found.bad & inside[rows]]
-    if len(bad) > MANY * np.count_nonzero(inside[rows]):
+    if len(bad) > MOST_BAD_SHARE * np.count_nonzero(inside[rows]):
         raise DataError(
             f"{log.source}: {what}: nothing plausible leads to {_samples(len(bad))} of "
             f"{np.count_nonzero(inside[rows])}, {_which(signal, j, bad)}; check the sensor and "
@@ -147,32 +158,34 @@ def _samples(count: int) -> str:
 
 def _which(signal: Signal, j: int, bad: np.ndarray) -> str:
     parts = [f"sample {k} at {signal.time[k]:.4g} s ({signal.value[k, j]:.6g})" for k in bad]
-    return ", ".join(parts[:NAMED]) + (", ..." if len(bad) > NAMED else "")
+    return ", ".join(parts[:MOST_NAMED_SAMPLES]) + (
+        ", ..." if len(bad) > MOST_NAMED_SAMPLES else ""
+    )
 
 
 def _examine(time: np.ndarray, value: np.ndarray, moves: bool) -> _Found:
     """One column (n,) at times (n,) [s]; `moves`: a position, whose speed is bounded."""
     interval, size = np.diff(time), np.abs(_jumps(time, value))
     low, high = np.quantile(value, [0.01, 0.99])
-    noise = NOISE * float(np.quantile(size, 0.75))
+    noise = NOISE_QUANTILES * float(np.quantile(size, 0.75))
     steps = _steps(value)
-    limit = np.maximum(COUNTS * steps, noise)
+    limit = np.maximum(QUANTISATION_STEPS * steps, noise)
     if moves:
         speed = _speed(time, value)
-        unread = (np.diff(value) == 0.0) & (speed * interval > HELD_COUNTS * steps)
-        limit += TWICE * _astray(interval, unread) * speed
+        unread = (np.diff(value) == 0.0) & (speed * interval > HELD_STEPS * steps)
+        limit += CATCHING_UP_FACTOR * _astray(interval, unread) * speed
     else:
-        limit = np.maximum(limit, SHOCK * (high - low))
+        limit = np.maximum(limit, SHOCK_RANGE_SHARE * (high - low))
     suspects = size > limit
-    limit += ACCELERATION * _acceleration(time, value, suspects) * interval**2
+    limit += ACCELERATION_FACTOR * _acceleration(time, value, suspects) * interval**2
     suspects &= size > limit
     bend = np.abs(np.diff(np.diff(value) / interval, prepend=0.0)) * interval
     for k in np.flatnonzero(suspects).tolist():
         near = _near(k, len(size))
         limit[k] = max(
             limit[k],
-            AROUND * float(np.median(size[near])),
-            BENT * float(np.median(bend[near])),
+            MEDIAN_JUMPS * float(np.median(size[near])),
+            BEND_FACTOR * float(np.median(bend[near])),
         )
     jumps = np.flatnonzero(size > limit) + 1
     bad = np.zeros(len(value), dtype=bool)
@@ -216,8 +229,8 @@ def _steps(value: np.ndarray) -> np.ndarray:
     usual = (value >= low) & (value <= high)
     order = np.floor(np.log10(np.maximum(np.abs(value), np.finfo(float).tiny)))
     steps = np.full(len(value), np.nan)
-    for one in np.unique(order[usual]):
-        inside = order == one
+    for magnitude in np.unique(order[usual]):
+        inside = order == magnitude
         levels = np.unique(value[usual & inside])
         gaps = np.diff(levels)
         gaps = gaps[gaps > 1e-9 * (high - low)]
@@ -233,18 +246,24 @@ def _astray(interval: np.ndarray, unread: np.ndarray) -> float:
     is `unread` (n - 1,).
     """
     usual = float(np.median(interval))
-    off = float(np.percentile(np.abs(interval - usual), LATE))
+    off = float(np.percentile(np.abs(interval - usual), LATE_PERCENTILE))
     edges = np.flatnonzero(np.diff(unread, prepend=False, append=False))
     runs = edges[1::2] - edges[::2]
-    again = float(np.percentile(runs, LATE)) if len(runs) > OFTEN * len(interval) else 0.0
+    again = (
+        float(np.percentile(runs, LATE_PERCENTILE))
+        if len(runs) > LEAST_REPEATED_SHARE * len(interval)
+        else 0.0
+    )
     return off + usual * again
 
 
 def _speed(time: np.ndarray, value: np.ndarray) -> np.ndarray:
     """(n - 1,) median speed around each pair of samples."""
-    gone = np.abs(value[STRIDE:] - value[:-STRIDE]) / (time[STRIDE:] - time[:-STRIDE])
+    gone = np.abs(value[SPEED_SAMPLES:] - value[:-SPEED_SAMPLES]) / (
+        time[SPEED_SAMPLES:] - time[:-SPEED_SAMPLES]
+    )
     around = median_filter(gone, 2 * NEIGHBOURS + 1)
-    return around[(np.arange(len(value) - 1) - STRIDE // 2).clip(0, len(around) - 1)]
+    return around[(np.arange(len(value) - 1) - SPEED_SAMPLES // 2).clip(0, len(around) - 1)]
 
 
 def _jumps(time: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -310,7 +329,9 @@ def _away(time: np.ndarray, value: np.ndarray, jumps: np.ndarray, bad: np.ndarra
     usual[jumps - 1] = False
     fastest = float(speed[usual].max(initial=0.0))
     low, high = np.quantile(value, [0.01, 0.99])
-    far = (speed[jumps - 1] > FASTER * fastest) & (step[jumps - 1] > FAR * (high - low))
+    far = (speed[jumps - 1] > JUMP_SPEED_FACTOR * fastest) & (
+        step[jumps - 1] > LEAST_JUMP_SHARE * (high - low)
+    )
     jumps, left, i = jumps[far], [], 0
     while i < len(jumps):
         first, behind = jumps[i], jumps[min(i + 1, len(jumps) - 1)]

@@ -14,7 +14,12 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 from crane_model.configuration import Schema
 from crane_model.errors import DataError
 
-# Units that tables may come in, and what turns their numbers into SI.
+COUNTS = "counts"
+"""Unit and quantity of a sensor that was never calibrated: its numbers stay as they are."""
+DATE = "ISO 8601"
+"""Unit of times that are texts, with or without a date: 2026-05-04T09:30:00.25+02:00."""
+ANGULAR = {"angle", "angular velocity", "angular acceleration", "torque"}
+SHARED_QUANTITIES = ("slew_position", "supply_pressure", "tank_pressure", "temperature")
 
 
 class Unit(NamedTuple):
@@ -23,12 +28,6 @@ class Unit(NamedTuple):
     quantity: str
     factor: float
 
-
-COUNTS = "counts"
-"""Unit and quantity of a sensor that was never calibrated: its numbers stay as they are."""
-
-DATE = "ISO 8601"
-"""Unit of times that are texts, with or without a date: 2026-05-04T09:30:00.25+02:00."""
 
 UNITS = {
     "s": Unit("time", 1.0),
@@ -192,12 +191,7 @@ def _kind(content: Any) -> str | None:
     """Which kind of source an entry is, by the key that only this kind has."""
     if isinstance(content, Schema):
         return f"<{type(content).__name__}>"
-    kinds = {
-        "column": "<Column>",
-        "topic": "<TopicField>",
-        "sum": "<Sum>",
-        "size": "<Directed>",
-    }
+    kinds = {"column": "<Column>", "topic": "<TopicField>", "sum": "<Sum>", "size": "<Directed>"}
     found = [kinds[key] for key in kinds if isinstance(content, dict) and key in content]
     return found[0] if len(found) == 1 else None
 
@@ -219,8 +213,8 @@ class Sum(Schema):
 
     @model_validator(mode="after")
     def _alike(self) -> Self:
-        if len({one.quantity for one in self.sum}) > 1:
-            units = ", ".join(one.unit for one in self.sum)
+        if len({addend.quantity for addend in self.sum}) > 1:
+            units = ", ".join(addend.unit for addend in self.sum)
             raise ValueError(f"a sum of different quantities, in {units}; give units of one")
         return self
 
@@ -246,10 +240,10 @@ class Sum(Schema):
     @property
     def label(self) -> str:
         """All of them."""
-        first, *others = self.sum
-        signs = ["-" if one.scale < 0 else "+" for one in others]
+        first, *rest = self.sum
+        signs = ["-" if addend.scale < 0 else "+" for addend in rest]
         return " ".join(
-            [first.label, *(f"{s} {o.label}" for s, o in zip(signs, others, strict=True))]
+            [first.label, *(f"{s} {o.label}" for s, o in zip(signs, rest, strict=True))]
         )
 
 
@@ -330,8 +324,6 @@ Pressure = Annotated[AnySource, measuring("pressure", COUNTS)]
 Command = Annotated[AnySource, measuring("command")]
 Temperature = Annotated[AnySource, measuring("temperature", COUNTS)]
 
-ANGULAR = {"angle", "angular velocity", "angular acceleration", "torque"}
-
 
 class Cylinder(Schema):
     """A cylinder without a machine file: force = area_a * pressure_a - area_b * pressure_b.
@@ -404,12 +396,31 @@ class JointSources(Schema):
         return {name: source for name, source in sources.items() if source}
 
 
-SHARED = ("slew_position", "supply_pressure", "tank_pressure", "temperature")
-
-
 class ColumnMap(Schema):
-    """Where recordings hold what: tables, whose time is a column or the rate [Hz], or topics of
-    bags, whose messages have stamps.
+    """Which column of a table, or which field of a topic, holds which quantity.
+
+    A map is usually read from YAML (`crane_model.configuration.load`). Invalid maps raise
+    `pydantic.ValidationError`, or `ConfigurationError` if they are read from a file.
+
+    Parameters
+    ----------
+    joints : dict of str to JointSources
+        Sources of each joint, by its name.
+    time : Column, optional
+        Time column of tables.
+    rate : float, optional
+        Sampling rate of tables without time [Hz].
+    separator, decimal : str
+        Separator and decimal sign of text tables.
+    slew_position, supply_pressure, tank_pressure, temperature : source, optional
+        Quantities that belong to no joint.
+
+    Examples
+    --------
+    >>> angle, torque = {"column": "q", "unit": "deg"}, {"column": "tau", "unit": "N m"}
+    >>> column_map = ColumnMap(joints={"axis": {"position": angle, "force": torque}}, rate=100.0)
+    >>> column_map.joints["axis"].position.quantity
+    'angle'
     """
 
     joints: Annotated[dict[str, JointSources], Field(min_length=1)]
@@ -424,7 +435,7 @@ class ColumnMap(Schema):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        kinds = {type(one) for one in self.readings()}
+        kinds = {type(reading) for reading in self.readings()}
         if len(kinds) > 1:
             raise ValueError("columns of tables and topics of bags; write a map for each")
         if self.of_topics and not (self.time is self.rate is None):
@@ -436,7 +447,7 @@ class ColumnMap(Schema):
                 f"separator and decimal are both {self.decimal!r}; tables with a decimal comma "
                 "have another separator, mostly ';'"
             )
-        first, given = next((name, _quantities(one)) for name, one in self.joints.items())
+        first, given = next((name, _quantities(sources)) for name, sources in self.joints.items())
         for joint, sources in self.joints.items():
             if different := given ^ _quantities(sources):
                 raise ValueError(
@@ -448,18 +459,18 @@ class ColumnMap(Schema):
     @property
     def of_topics(self) -> bool:
         """Whether it is for bags."""
-        return any(isinstance(one, TopicField) for one in self.readings())
+        return any(isinstance(reading, TopicField) for reading in self.readings())
 
     def shared(self) -> dict[str, Source]:
         """What belongs to no joint, by quantity."""
-        sources = {name: getattr(self, name) for name in SHARED}
+        sources = {name: getattr(self, name) for name in SHARED_QUANTITIES}
         return {name: source for name, source in sources.items() if source}
 
     @property
     def types(self) -> dict[str, str]:
         """Message types by topic, where the map states them."""
-        fields = (one for one in self.readings() if isinstance(one, TopicField))
-        return {one.topic: one.type for one in fields if one.type}
+        fields = (reading for reading in self.readings() if isinstance(reading, TopicField))
+        return {reading.topic: reading.type for reading in fields if reading.type}
 
     def of(self, joints: Sequence[str], recording: Path | str) -> list[JointSources]:
         """What it says of each of `joints`; `DataError` names `recording` and what is absent."""
@@ -472,16 +483,18 @@ class ColumnMap(Schema):
 
     def cells(self, joints: Sequence[str], recording: Path | str) -> dict[str, list[Cell]]:
         """What is to be read for `joints`, by stream."""
-        of_joints = [one for joint in self.of(joints, recording) for one in joint.given().values()]
+        of_joints = [
+            source for joint in self.of(joints, recording) for source in joint.given().values()
+        ]
         cells: dict[str, dict[Cell, None]] = {}
         for source in (*of_joints, *self.shared().values()):
             for reading in source.readings:
                 cells.setdefault(reading.stream, {})[reading.cell] = None
-        return {stream: list(one) for stream, one in cells.items()}
+        return {stream: list(numbers) for stream, numbers in cells.items()}
 
     def readings(self) -> Iterator[Reading]:
         """All that it names but the time."""
-        for sources in (self.shared(), *(one.given() for one in self.joints.values())):
+        for sources in (self.shared(), *(sources.given() for sources in self.joints.values())):
             for source in sources.values():
                 yield from source.readings
 

@@ -12,13 +12,30 @@ from crane_model.errors import DataError
 
 @dataclass(frozen=True)
 class Signal:
-    """Samples of quantities that were measured together: `time` (n,) [s] strictly increasing,
-    `value` (n,) or (n, j) in SI units, NaN where nothing was measured; `origin` is the topic or
-    the columns that they come from. `received` (n,) [s]: when the recorder received each sample,
-    counted like `time` but on the clock of the recorder; None where that is not known. `set_back`:
-    how time went back in the order of arrival, before the samples were sorted. `columns`: where
-    each column comes from, if not all from `origin`. `resolution` (j,): of the sensors, if the
-    values were filtered; None: it shows in the values.
+    """Samples of quantities that were measured together.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Stamps [s], strictly increasing.
+    value : ndarray, shape (n,) or (n, j)
+        Values in SI units; NaN where nothing was measured.
+    origin : str
+        Topic or columns that the samples come from.
+    received : ndarray, shape (n,), optional
+        Times of reception on the recorder's clock [s], counted like `time`; None: not known.
+    set_back : SetBack, optional
+        How time went back in the order of arrival, before the samples were sorted.
+    columns : tuple of str
+        Origin of each column, if not all come from `origin`.
+    resolution : ndarray, shape (j,), optional
+        Resolution of the sensors if the values were filtered; None: it shows in the values.
+
+    Examples
+    --------
+    >>> time = np.linspace(0.0, 1.0, 3)
+    >>> Signal(time, time[:, np.newaxis], "made").column(0)
+    'made'
     """
 
     time: np.ndarray
@@ -30,24 +47,43 @@ class Signal:
     resolution: np.ndarray | None = None
 
     def column(self, j: int) -> str:
-        """Where column j comes from."""
+        """Return the origin of column `j`."""
         return self.columns[j] if self.columns else self.origin
 
     def take(self, rows: np.ndarray) -> "Signal":
-        """The samples `rows`."""
+        """Return the samples at the indices `rows` (k,)."""
         received = None if self.received is None else self.received[rows]
         return replace(self, time=self.time[rows], value=self.value[rows], received=received)
 
 
 @dataclass(frozen=True)
 class Log:
-    """One recording. Columns of (n, j) signals are in the order of `joints`; None is not logged.
+    """Signals of one recording, as they were logged.
 
-    Time zero is the first position of the recording, `start` [ns] on its clock. `missing` names the
-    topics or quantities that are not there, `notes` what had to be mended, `uncalibrated` the
-    quantities that are in counts of their sensors instead of SI units, `unstamped` the topics whose
-    messages hold no usable stamp, so that the times are those of the recorder.
+    Columns of signals (n, j) are in the order of `joints`; a signal that was not logged is None.
+    Time zero is the first position of the recording.
 
+    Parameters
+    ----------
+    source : str
+        Name of the recording.
+    joints : tuple of str
+        Names of the j joints.
+    start : int
+        Stamp of time zero on the clock of the recording [ns].
+    position : Signal
+        Positions (n, j) [rad or m]. The unit of each other signal stands beside its field.
+    missing : tuple of str
+        Topics or quantities that the recording lacks.
+    notes : tuple of str
+        Repairs that were made when the recording was read.
+    uncalibrated : tuple of str
+        Quantities in counts of their sensors instead of SI units.
+    unstamped : tuple of str
+        Topics without usable stamps, whose times are those of the recorder.
+
+    Examples
+    --------
     >>> time = np.linspace(0.0, 4.0, 5)
     >>> log = Log("made", ("axis",), 0, Signal(time, np.zeros((5, 1)), "made"))
     >>> log.during(1.0, 3.0).position.time
@@ -65,8 +101,8 @@ class Log:
     supply_pressure: Signal | None = None  # (n,) Pa gauge
     tank_pressure: Signal | None = None  # (n,) Pa gauge
     slew_position: Signal | None = None  # (n,) rad, where slew is not one of the joints
-    slew_command: Signal | None = None  # (n,) spool command, alike
-    command: Signal | None = None  # (n, j) spool command, -1..1
+    slew_command: Signal | None = None  # (n,) valve command, -1..1
+    command: Signal | None = None  # (n, j) valve command, -1..1
     reference_position: Signal | None = None  # (n, j) rad or m
     reference_velocity: Signal | None = None  # (n, j) per s
     reference_acceleration: Signal | None = None  # (n, j) per s²
@@ -78,16 +114,16 @@ class Log:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader of results must know of the recording, in sentences that name it."""
+        """Limitations of the recording that results depend on, as sentences."""
         absent = [f"not recorded: {', '.join(self.missing)}"] if self.missing else []
         return tuple(f"{self.source}: {note}." for note in (*absent, *self.notes))
 
     def during(self, begin: float, end: float) -> "Log":
-        """What was recorded from `begin` to `end` [s]; `DataError` if no position was."""
+        """Return the part from `begin` to `end` [s]; `DataError` if it holds no position."""
         if begin <= 0.0 and end >= self.position.time[-1]:
             return self
         parts: dict[str, Any] = {}
-        for name in (one.name for one in fields(self)):
+        for name in (field.name for field in fields(self)):
             signal = getattr(self, name)
             if isinstance(signal, Signal):
                 inside = np.flatnonzero((signal.time >= begin) & (signal.time <= end))

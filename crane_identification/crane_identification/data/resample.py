@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -16,10 +16,10 @@ SHORTEST_RUN = 20  # samples; nothing can be smoothed or differentiated on less
 LARGEST_GAP = 0.1  # s, bridged; longer ones split a recording
 SPARSEST = 1000.0  # times as long as its samples can fill, no recording lasts
 LONGEST_COUNTED = 5  # median intervals; of longer ones nobody knows how many samples they are
-ORDER, PASS_BAND = 8, 0.8  # of the low-pass, the latter of half the rate behind it
-PADDING = 6 * ORDER  # samples
+LOW_PASS_ORDER, LOW_PASS_BAND = 8, 0.8  # of the low-pass, the latter of half the rate behind it
+LOW_PASS_PADDING = 6 * LOW_PASS_ORDER  # samples
 SLOWER = 1.2  # times faster, at least, a signal must be to be filtered and slowed down
-MARGIN = 1e-9  # s, the resolution of stamps; times closer than this are the same
+STAMP_MARGIN_S = 1e-9  # s, the resolution of stamps; times closer than this are the same
 REQUIRED = ("position", "force", "pressure_a", "pressure_b")
 INTERPOLATED = (
     "velocity",
@@ -56,7 +56,7 @@ class Samples:
     supply_pressure: np.ndarray | None  # (n,) Pa gauge
     tank_pressure: np.ndarray | None  # (n,) Pa gauge
     slew_position: np.ndarray | None  # (n,) rad
-    command: np.ndarray | None  # (n, j) spool command, -1..1
+    command: np.ndarray | None  # (n, j) valve command, -1..1
     reference_position: np.ndarray | None  # (n, j) rad or m
     reference_velocity: np.ndarray | None  # (n, j) per s
     reference_acceleration: np.ndarray | None  # (n, j) per s²
@@ -88,7 +88,7 @@ def resample(
     rate = rate or sampling_rate(required["position"].time)
     begin = max(signal.time[0] for signal in required.values())
     end = min(signal.time[-1] for signal in required.values())
-    time = begin + np.arange(int((end - begin + MARGIN) * rate) + 1) / rate
+    time = begin + np.arange(int((end - begin + STAMP_MARGIN_S) * rate) + 1) / rate
     covered = np.ones(len(time), dtype=bool)
     for signal in required.values():
         covered &= ~_inside_gap(log, signal, time, largest_gap, gaps)
@@ -138,22 +138,22 @@ def _slowed(signal: Signal, rate: float) -> Signal:
     fast = sampling_rate(signal.time)
     if fast < SLOWER * rate:
         return signal
-    sections = butter(ORDER, PASS_BAND * rate / fast, output="sos")
-    time = np.arange(np.ceil(signal.time[0] * rate), signal.time[-1] * rate + MARGIN) / rate
+    sections = butter(LOW_PASS_ORDER, LOW_PASS_BAND * rate / fast, output="sos")
+    time = np.arange(np.ceil(signal.time[0] * rate), signal.time[-1] * rate + STAMP_MARGIN_S) / rate
     value = signal.value.reshape(len(signal.time), -1)
     out = np.full((len(time), value.shape[1]), np.nan)
     for into, column in zip(out.T, value.T, strict=True):
         known = np.flatnonzero(np.isfinite(column))
-        breaks = np.flatnonzero(np.diff(signal.time[known]) > LARGEST_GAP + MARGIN) + 1
+        breaks = np.flatnonzero(np.diff(signal.time[known]) > LARGEST_GAP + STAMP_MARGIN_S) + 1
         for rows in np.split(known, breaks):
             begin, end = (signal.time[rows[0]], signal.time[rows[-1]]) if len(rows) else (0, 0)
-            even = np.arange(begin, end + MARGIN, 1.0 / fast)
-            if len(even) <= PADDING:
+            even = np.arange(begin, end + STAMP_MARGIN_S, 1.0 / fast)
+            if len(even) <= LOW_PASS_PADDING:
                 continue
             smooth = sosfiltfilt(
-                sections, np.interp(even, signal.time[rows], column[rows]), padlen=PADDING
+                sections, np.interp(even, signal.time[rows], column[rows]), padlen=LOW_PASS_PADDING
             )
-            inside = (time >= even[0] - MARGIN) & (time <= even[-1] + MARGIN)
+            inside = (time >= even[0] - STAMP_MARGIN_S) & (time <= even[-1] + STAMP_MARGIN_S)
             into[inside] = CubicSpline(even, smooth)(time[inside])
     received = None if signal.received is None else np.interp(time, signal.time, signal.received)
     finer = reading_resolution(value) * np.sqrt(rate / fast)
@@ -206,15 +206,21 @@ def measured(log: Log, signal: Signal, largest_gap: float = LARGEST_GAP) -> Sign
     return Signal(time, value[complete], signal.origin)
 
 
-def interruptions(signal: Signal, largest_gap: float = LARGEST_GAP) -> np.ndarray:
-    """(k, 2) begin and length [s] of each gap of a signal that `resample` does not bridge."""
+class Interruption(NamedTuple):
+    """Time without samples: `begin` and `length` [s]."""
+
+    begin: float
+    length: float
+
+
+def interruptions(signal: Signal, largest_gap: float = LARGEST_GAP) -> list[Interruption]:
+    """The gaps of a signal that `resample` does not bridge."""
     value = signal.value.reshape(len(signal.time), -1).copy()
     for column in value.T:
         _bridge(signal.time, column, largest_gap)
     time = signal.time[np.isfinite(value).all(axis=1)]
-    length = np.diff(time)
-    long = length > largest_gap + MARGIN
-    return np.column_stack([time[:-1][long], length[long]])
+    pairs = zip(time[:-1].tolist(), np.diff(time).tolist(), strict=True)
+    return [Interruption(*pair) for pair in pairs if pair[1] > largest_gap + STAMP_MARGIN_S]
 
 
 def _bridge(time: np.ndarray, column: np.ndarray, largest_gap: float) -> None:
@@ -223,7 +229,7 @@ def _bridge(time: np.ndarray, column: np.ndarray, largest_gap: float) -> None:
     behind = np.searchsorted(sound, holes)
     inside = (behind > 0) & (behind < len(sound))
     holes, behind = holes[inside], behind[inside]
-    bridged = holes[time[sound[behind]] - time[sound[behind - 1]] <= largest_gap + MARGIN]
+    bridged = holes[time[sound[behind]] - time[sound[behind - 1]] <= largest_gap + STAMP_MARGIN_S]
     if len(bridged):
         column[bridged] = np.interp(time[bridged], time[sound], column[sound])
 
@@ -234,7 +240,7 @@ def _inside_gap(
     """(n,) whether the times lie between two samples that are too far apart."""
     after = np.searchsorted(signal.time, time).clip(1, len(signal.time) - 1)
     before_time, after_time = signal.time[after - 1], signal.time[after]
-    between = (before_time + MARGIN < time) & (time < after_time - MARGIN)
+    between = (before_time + STAMP_MARGIN_S < time) & (time < after_time - STAMP_MARGIN_S)
     inside = between & (after_time - before_time > largest_gap)
     if inside.any() and gaps == "refuse":
         first = int(inside.argmax())
@@ -279,14 +285,14 @@ def _by_column(method: Method, signal: Signal, time: np.ndarray, largest_gap: fl
 def _interpolated(
     logged: np.ndarray, values: np.ndarray, time: np.ndarray, longest: float
 ) -> np.ndarray:
-    after = np.searchsorted(logged, time - MARGIN).clip(0, len(logged) - 1)
-    before = (np.searchsorted(logged, time + MARGIN, side="right") - 1).clip(0)
-    known = (logged[before] <= time + MARGIN) & (time - MARGIN <= logged[after])
-    known &= logged[after] - logged[before] <= longest + MARGIN
+    after = np.searchsorted(logged, time - STAMP_MARGIN_S).clip(0, len(logged) - 1)
+    before = (np.searchsorted(logged, time + STAMP_MARGIN_S, side="right") - 1).clip(0)
+    known = (logged[before] <= time + STAMP_MARGIN_S) & (time - STAMP_MARGIN_S <= logged[after])
+    known &= logged[after] - logged[before] <= longest + STAMP_MARGIN_S
     return np.where(known, np.interp(time, logged, values), np.nan)
 
 
 def _held(logged: np.ndarray, values: np.ndarray, time: np.ndarray, longest: float) -> np.ndarray:
-    last = np.searchsorted(logged, time + MARGIN, side="right") - 1
-    known = (last >= 0) & (time - logged[last.clip(0)] <= longest + MARGIN)
+    last = np.searchsorted(logged, time + STAMP_MARGIN_S, side="right") - 1
+    known = (last >= 0) & (time - logged[last.clip(0)] <= longest + STAMP_MARGIN_S)
     return np.where(known, values[last.clip(0)], np.nan)

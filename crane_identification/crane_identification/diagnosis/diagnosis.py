@@ -1,39 +1,72 @@
 """The diagnosis: from logs and a model to a verdict, findings, an extended model, and its proof."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
+
+import numpy as np
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis.answer.answer import answered
-from crane_identification.diagnosis.answer.verdict import Answer, Verdict
+from crane_identification.diagnosis import findings as schema
+from crane_identification.diagnosis.answer import Answer, answered
 from crane_identification.diagnosis.decision.decision import Decision, decide
-from crane_identification.diagnosis.decision.motion_choice import suited
+from crane_identification.diagnosis.decision.judgement import Judged, in_place_of
+from crane_identification.diagnosis.findings import Findings, Verdict
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.fit import Fitted, fitted
-from crane_identification.diagnosis.flow.flow import Flows, examine
-from crane_identification.diagnosis.flow.usual import Usual, load_usual
-from crane_identification.diagnosis.proof.commanded import Commanded, commanded
-from crane_identification.diagnosis.proof.extension import Finding, in_counts
-from crane_identification.diagnosis.proof.gap import Gap
-from crane_identification.diagnosis.proof.proof import Proof, proved
-from crane_identification.diagnosis.search.race import Race
-from crane_identification.diagnosis.search.search import Search, search
-from crane_identification.diagnosis.search.wanted import wanted
+from crane_identification.diagnosis.flow import Flow, Flows, Quantity, Usual, examine, load_usual
+from crane_identification.diagnosis.proof.gap import Commanded, Gap, commanded
+from crane_identification.diagnosis.proof.proof import (
+    Finding,
+    Nearest,
+    Proof,
+    Value,
+    carried_in,
+    in_counts,
+    proved,
+)
+from crane_identification.diagnosis.residuals import correlation_left, energy_shares, regions
+from crane_identification.diagnosis.search.candidates import (
+    MASS_SIGMAS,
+    NO_LOAD,
+    WHOLE,
+    Candidate,
+    Weighed,
+    wanted,
+)
+from crane_identification.diagnosis.search.projection import extended
+from crane_identification.diagnosis.search.search import Search, acting, search
+from crane_identification.diagnosis.search.selection import ForwardSelection, Subset, solve
+from crane_identification.diagnosis.unknown import curves_of
+from crane_identification.estimation.autoregression import Autoregression
+from crane_identification.notation import is_determined
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds
 from crane_identification.validation.force_validation import elsewhere
+from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
+from crane_model.result_file import OpenMember, OpenQuestion, OpenQuestions, QuestionKind
 from crane_model.terms import REGISTRY
+
+WHITE_CORRELATION = 0.25  # of neighbouring rows, up to which a residual counts as white
+LAST = -1  # place of the effect that was put into a set: it is smaller where signs forbid the rest
+NOISE_LAGS = 64  # rows after which noise is forgotten
+NEAREST_MEMBERS = 4  # effects that come closest, of an answer that the catalogue does not hold it
+PARTLY_SEEN_SHARE = 0.25  # of the energy of an effect, below which it may stay unseen
+FORM_ERROR = 0.2
+"""Relative error of a parameter, over the model error beyond noise relative to the visible part of
+its effect: of simulated axes with up to a fifth of the force of another form."""
+PLAUSIBLE_SHARE = 0.02  # rms of a term that is not determined, over that of the force of its joint
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a diagnosis found, step by step, and the answer that this comes to.
+    """The results of a diagnosis, step by step, and the answer that they come to.
 
-    It was sought `without` these effects, and decided by these `thresholds`.
+    It was made `without` these effects, and decided by these `thresholds`.
     """
 
     fit: Fitted
@@ -88,12 +121,26 @@ class Diagnosis:
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """What the model lacks, strongest first, with its parameters."""
+        """The effects that the model lacks, strongest first, with their parameters.
+
+        Their standard deviations take in that the form of an effect is not quite the machine's.
+        """
         trial, counts = self.proof.trial, bool(self.fit.uncalibrated)
+        found = []
+        for one, values in zip(trial.effects, trial.values, strict=True):
+            share = 0.0 if one.shaped.candidate.drawn else self._form_error(one)
+            found.append(Finding(one, tuple(_of_form(value, share) for value in values)))
         return tuple(
-            Finding(one, in_counts(v) if counts else v)
-            for one, v in zip(trial.effects, trial.values, strict=True)
+            replace(one, parameters=in_counts(one.parameters)) if counts else one for one in found
         )
+
+    def _form_error(self, one: Judged) -> float:
+        """Relative error of the parameters of an effect because its form is not the machine's."""
+        gap, joints = self.gap, one.shaped.joints(self.joints)
+        noise = np.where(np.isfinite(gap.floor), gap.floor, gap.sample_noise)
+        error = np.fmax(gap.after, gap.training_after)
+        beyond = np.sqrt(np.maximum(error**2 - noise**2, 0.0))[joints].mean()
+        return float(FORM_ERROR * beyond / max(one.strength, np.finfo(float).tiny))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -101,6 +148,52 @@ class Diagnosis:
         gap = self.gap
         further = elsewhere(self.joints, gap.after, gap.training_after, gap.floor)
         return (*self.fit.warnings, *further)
+
+    def results(self, suspicions: Sequence[str] = ()) -> Findings:
+        """What findings.json holds, with what is suspicious of the recordings."""
+        return Findings(
+            verdict=self.verdict,
+            reason=self.reason,
+            values_kept=self.fit.fixed,
+            where=_where(self),
+            findings=[_finding(self, one) for one in self.findings]
+            + [_of_flow(self, one.joint, each) for one in self.flow.found for each in one.missing]
+            + [_of_load(self, one) for one in self.gap.loads if one.found],
+            nearest=_near(self.answer.nearest),
+            own_terms=[
+                schema.OwnTermEntry(
+                    **dict(_effect(one.candidate)), objection=one.objection, tried=_near(one.near)
+                )
+                for one in self.answer.own
+            ],
+            unknown=self.answer.unknown,
+            model_error=_errors(self),
+            left=_left(self),
+            undetermined=list(self.fit.undetermined),
+            clock=schema.SessionClock(
+                through_session=self.fit.session.fallback is None, reason=self.fit.session.fallback
+            ),
+            needs_units=list(self.fit.uncalibrated),
+            warnings=list(self.warnings),
+            without=sorted(self.without),
+            not_testable=_untried(self.search.untestable),
+            partly_seen=_partly_seen(self.search),
+            not_observable=_untried(self.search.unobservable)
+            + [
+                schema.Untried(effect=effect, joint=joint, reason=reason)
+                for (effect, joint), reason in self.flow.unobservable.items()
+            ],
+            pulsations=[
+                schema.FoundPulsation(
+                    joint=one.joint, frequency=one.frequency, relative_magnitude=one.strength
+                )
+                for one in self.proof.pulsations
+            ],
+            flow={one.joint: _balance(one) for one in self.flow.found},
+            open=_open_questions(self),
+            named_from=dict(self.answer.named_from),
+            suspicions=list(suspicions),
+        )
 
 
 def diagnose(
@@ -114,6 +207,7 @@ def diagnose(
     without: Collection[str] = (),
     fixed: bool = False,
     own: Collection[str] = (),
+    fit: Fitted | None = None,
 ) -> Diagnosis:
     """Where `model` disagrees with the recordings, and why.
 
@@ -122,16 +216,17 @@ def diagnose(
     the types `own` are reported, named or not.
 
     The model is fitted to the training recordings first, so that its values are not what differs.
-    With `fixed` they are kept instead, and what differs from them is what has changed.
+    With `fixed` they are kept instead, and what differs from them is what has changed. `fit` is
+    what `fitted` gives for these recordings, if that is known already.
 
     `DataError` if recordings cannot be used or do not determine the parameters of the model;
     `ConfigurationError` if an effect is not in the catalogue, or values to keep are missing.
     """
     _check(training, validation, without)
-    fit = fitted(model, training, validation, options, fixed, progress)
-    race = Race(search(fit.evidence, wanted(fit, without), progress), progress)
-    decision = suited(race, fit.before, decide(race, thresholds))
-    found = race.search  # all of it: the decision is taken
+    fit = fit or fitted(model, training, validation, options, fixed, progress)
+    selection = ForwardSelection(search(fit.evidence, wanted(fit, without), progress), progress)
+    decision = decide(selection, thresholds)
+    found = selection.search  # all of it: the decision is taken
     proof = proved(fit, found, decision.passed, thresholds, progress)
     effects = [one.shaped.candidate for one in proof.trial.effects]
     flow = examine(fit.evidence, fit.held_out, usual or load_usual(), thresholds, effects)
@@ -144,7 +239,7 @@ def diagnose(
 
 
 def _check(training: Sequence[Log], validation: Sequence[Log], without: Collection[str]) -> None:
-    """Whether there is something to ask for, and to ask."""
+    """Raise an error unless there are recordings, and the effects of `without` are known."""
     for name, logs in (("--train", training), ("--validate", validation)):
         if not logs:
             raise DataError(f"no recordings given; name at least one with {name}")
@@ -158,3 +253,394 @@ def check_known(effects: Collection[str]) -> None:
         raise ConfigurationError(
             f"{', '.join(unknown)}: no effect that shows in the force; there are {', '.join(known)}"
         )
+
+
+def _of_form(value: Value, share: float) -> Value:
+    """A parameter whose change errs by this share more than noise makes it err."""
+    return replace(value, std_dev=float(np.hypot(value.std_dev, share * value.change[0])))
+
+
+# The parts of the results.
+
+
+def _where(diagnosis: Diagnosis) -> dict[str, schema.FoundPlace]:
+    motion, first = diagnosis.gap.motion_before, diagnosis.proof.before
+    shares, places = (
+        energy_shares(diagnosis.training, first, diagnosis.gap),
+        regions(diagnosis.fit, first),
+    )
+    return {
+        joint: schema.FoundPlace(
+            energy_share=shares[j], motion_error=motion.position_rms[j], region=places[j]
+        )
+        for j, joint in enumerate(diagnosis.joints)
+    }
+
+
+def _errors(diagnosis: Diagnosis) -> schema.ModelErrors:
+    gap = diagnosis.gap
+
+    def by_joint(values: np.ndarray) -> dict[str, float]:
+        return dict(zip(diagnosis.joints, values, strict=True))
+
+    def side(error: np.ndarray, motion: MotionValidation) -> dict[str, schema.ModelError]:
+        return {
+            joint: schema.ModelError(
+                force_relative_error=error[j],
+                noise_floor=gap.floor[j],
+                sample_noise=gap.sample_noise[j],
+                best_achievable=gap.best[j],
+                motion_error=motion.position_rms[j],
+                motion_displacement=motion.displacement_rms[j],
+                motion_reason=motion.reason,
+            )
+            for j, joint in enumerate(gap.joints)
+        }
+
+    return schema.ModelErrors(
+        before=side(gap.before, gap.motion_before),
+        after=side(gap.after, gap.motion_after),
+        closed=by_joint(gap.held_to.closed),
+        loads=[
+            schema.CarriedLoad(recording=one.recording, value=one.mass, std_dev=one.std_dev)
+            for one in gap.loads
+        ],
+        from_commands=[
+            schema.CommandedError(
+                horizon=before.horizon,
+                windows=before.windows,
+                displacement=by_joint(before.path),
+                before=by_joint(before.position_rms),
+                after=by_joint(after.position_rms),
+            )
+            for before, after in diagnosis.commanded.pairs
+        ],
+        from_commands_reason=diagnosis.commanded.reason,
+    )
+
+
+def _left(diagnosis: Diagnosis) -> dict[str, schema.LeftResidual]:
+    fit, trial, gap = diagnosis.fit, diagnosis.proof.trial, diagnosis.gap
+    errors, gates = np.maximum(gap.after, gap.training_after), diagnosis.thresholds.gates
+    beyond_noise = gap.beyond_noise(errors, gates)
+    if trial.formless:  # model forms always leave more than the noise of sensors
+        beyond_noise |= gap.beyond_samples(errors, gates)
+    correlations, places = correlation_left(fit.evidence, trial), regions(fit, trial)
+    return {
+        joint: schema.LeftResidual(
+            white=bool(abs(correlations[j]) < WHITE_CORRELATION),
+            correlation=correlations[j],
+            learnable_share=trial.learnt.share[j],
+            systematic=bool(trial.law[j]),
+            beyond_noise=bool(beyond_noise[j]),
+            region=places[j],
+        )
+        for j, joint in enumerate(diagnosis.joints)
+    }
+
+
+def _finding(diagnosis: Diagnosis, finding: Finding) -> schema.FindingEntry:
+    judged, candidate = finding.judged, finding.candidate
+    magnitude = acting(diagnosis.training, judged.shaped.columns, finding.added)
+    linear = finding.parameters[: len(judged.shaped.positive)]
+    return schema.FindingEntry(
+        **dict(_effect(candidate)),
+        changed=candidate.changes,
+        ambiguity_group=[_effect(one) for one in judged.indistinct],
+        parameters=[_parameter(value) for value in finding.parameters],
+        curves=curves_of(
+            judged.shaped.term,
+            candidate.where,
+            diagnosis.before.setting,
+            np.array([one.value for one in linear]),
+            np.array([one.std_dev for one in linear]),
+            bool(diagnosis.fit.uncalibrated),
+        ),
+        deviation=[
+            curve
+            for one in diagnosis.answer.forms
+            if one.candidate == candidate
+            for curve in one.curves
+        ],
+        carried_in=carried_in(finding, diagnosis.training.sources),
+        score=judged.score,
+        threshold=judged.threshold,
+        false_alarm_rate=diagnosis.thresholds.method.false_alarm_rate,
+        runner_up=None if judged.runner_up is None else _effect(judged.runner_up),
+        margin=judged.margin,
+        margin_needed=judged.needed,
+        visibility=judged.visibility,
+        relative_magnitude=magnitude,
+        visible_magnitude=min(judged.strength, magnitude),
+        held_out_gains=dict(zip(judged.fold_names, judged.held_out, strict=True)),
+        settled_by=candidate.effect.settled_by,
+    )
+
+
+def _of_load(diagnosis: Diagnosis, one: Weighed) -> schema.FindingEntry:
+    """A load that a held-out recording alone carries."""
+    cls = next(type(term) for term in diagnosis.gap.carried.terms if term.carries_loads)
+    mass = _parameter(Value("m_payload", one.mass, one.std_dev, "kg"))
+    carried = {mass.name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}
+    score = (one.mass / one.std_dev) ** 2
+    what = Candidate(cls, None)
+    return _by_itself(diagnosis, what, WHOLE, mass, score, MASS_SIGMAS**2, carried_in=carried)
+
+
+def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> schema.FindingEntry:
+    """A finding of the flow balance; it adds nothing to the model of forces."""
+    sigmas = diagnosis.thresholds.method.flow_sigmas
+    threshold = (sigmas * one.std_dev / one.value) ** 2 * one.score
+    return _by_itself(
+        diagnosis, one, joint, _of_quantity(one), one.score, threshold, visible_magnitude=one.share
+    )
+
+
+def _by_itself(
+    diagnosis: Diagnosis,
+    what: Candidate | Quantity,
+    joint: str,
+    value: schema.FoundParameter,
+    score: float,
+    threshold: float,
+    **known: Any,
+) -> schema.FindingEntry:
+    """A finding with one parameter, which competed with no other effect."""
+    rest: dict[str, Any] = {"carried_in": {}, "visible_magnitude": None} | known
+    return schema.FindingEntry(
+        effect=what.type,
+        name=what.effect.name,
+        joint=joint,
+        ambiguity_group=[],
+        parameters=[value],
+        score=score,
+        threshold=threshold,
+        false_alarm_rate=diagnosis.thresholds.method.false_alarm_rate,
+        runner_up=None,
+        margin=score,
+        margin_needed=0.0,
+        visibility=1.0,
+        relative_magnitude=None,  # over the drive force, as of effects that compete
+        held_out_gains={},
+        settled_by=what.effect.settled_by,
+        **rest,
+    )
+
+
+def _balance(flow: Flow) -> schema.FlowBalance:
+    return schema.FlowBalance(
+        unexplained_share=flow.unexplained,
+        correlation_left=flow.correlation,
+        worn=flow.worn,
+        known_time=flow.known,
+        recorded_time=flow.recorded,
+        edge_gains={
+            one.edge: schema.EdgeGain(
+                value=one.value, std_dev=one.std_dev, determined=bool(one.determined)
+            )
+            for one in flow.gains
+        },
+        quantities={
+            one.type: schema.HydraulicQuantity(
+                **dict(_of_quantity(one)),
+                usual_limit=one.usual,
+                identified=one.own,
+                share_beyond_usual=one.share,
+            )
+            for one in flow.quantities
+        },
+    )
+
+
+def _of_quantity(one: Quantity) -> schema.FoundParameter:
+    return schema.FoundParameter(
+        name=one.type,
+        value=one.value,
+        std_dev=one.std_dev,
+        unit=one.unit,
+        minimum=None,
+        determined=bool(one.determined),
+    )
+
+
+def _effect(one: Candidate) -> schema.FoundEffect:
+    return schema.FoundEffect(effect=one.type, name=one.effect.name, joint=one.where)
+
+
+def _parameter(one: Value) -> schema.FoundParameter:
+    """A parameter, whether the recordings determine it, and what it has changed from."""
+    parameter = schema.FoundParameter(
+        name=one.name,
+        value=one.value,
+        std_dev=one.std_dev,
+        unit=one.unit,
+        minimum=one.minimum,
+        determined=is_determined(one.value, one.std_dev, one.minimum),
+    )
+    if one.before is None:
+        return parameter
+    (before, before_std_dev), (change, change_std_dev) = one.before, one.change
+    return schema.ChangedParameter(
+        **dict(parameter),
+        before=before,
+        before_std_dev=before_std_dev,
+        change=change,
+        change_std_dev=change_std_dev,
+    )
+
+
+def _near(near: Nearest | None) -> schema.NearestEffects | None:
+    """What effects would do that are not named, and why that does not do."""
+    if near is None:
+        return None
+    return schema.NearestEffects(
+        effects=[
+            schema.NearEffect(
+                **dict(_effect(one.shaped.candidate)), score=one.score, threshold=one.threshold
+            )
+            for one in near.effects
+        ],
+        explained_share=near.explained,
+        model_error={
+            joint: schema.ErrorChange(before=before, after=after)
+            for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
+        },
+        objection=near.objection,
+    )
+
+
+def _partly_seen(search: Search) -> list[schema.PartlySeen]:
+    """Friction of which the used rows see little, at some value of its nonlinear parameters."""
+    least: dict[Candidate, float] = {}
+    for one in search.projection.candidates:
+        if one.term.is_friction():
+            least[one.candidate] = min(least.get(one.candidate, 1.0), one.seen**2)
+    return [
+        schema.PartlySeen(**dict(_effect(candidate)), seen_share=share)
+        for candidate, share in least.items()
+        if share < PARTLY_SEEN_SHARE
+    ]
+
+
+def _untried(candidates: Mapping[Candidate, str]) -> list[schema.Untried]:
+    return [
+        schema.Untried(effect=candidate.type, joint=candidate.where, reason=reason)
+        for candidate, reason in candidates.items()
+    ]
+
+
+# What is open, as `design --settle` reads it: members with their sizes.
+
+
+def _open_questions(diagnosis: Diagnosis) -> OpenQuestions:
+    """All that another experiment could settle."""
+    fit, search = diagnosis.fit, diagnosis.search
+    step = fit.training.recordings[0].step
+    pairs = zip(diagnosis.joints, search.whitener.noise, strict=False)  # the first zone
+    return OpenQuestions(
+        row_rate=1.0 / (fit.training.factor * step),
+        noise={joint: _as_white(one) for joint, one in pairs},
+        questions=[
+            *_ambiguous(diagnosis),
+            *_nearest_question(diagnosis),
+            *_undetermined(diagnosis),
+        ],
+    )
+
+
+def _as_white(noise: Autoregression | None) -> float | None:
+    """Standard deviation of white noise as strong as this one is at low frequencies."""
+    if noise is None:
+        return None
+    covariance = noise.autocovariance(NOISE_LAGS)
+    return float(np.sqrt(max(covariance[0] + 2.0 * covariance[1:].sum(), 0.0)))
+
+
+def _ambiguous(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
+    search, effects = diagnosis.search, diagnosis.proof.trial.effects
+    if not any(one.indistinct for one in effects):
+        return
+    subset = solve(search.projection, tuple(search.number(one.shaped) for one in effects))
+    for place, judged in enumerate(effects):
+        if not judged.indistinct or subset is None or judged.shaped.candidate.changes:
+            continue
+        others = {
+            search.projection.candidates[one.numbers[-1]].candidate: one
+            for one in in_place_of(search, subset, place)
+        }
+        known = [others[one] for one in judged.indistinct if one in others]
+        members = [_member(search, subset, place, None)]
+        members += [_member(search, one, LAST, subset.gain) for one in known]
+        yield _question(diagnosis, QuestionKind.AMBIGUOUS, members, judged)
+
+
+def _nearest_question(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
+    """Where nothing of the catalogue is it: what comes closest by itself, on the joint of that."""
+    if diagnosis.verdict is not Verdict.UNKNOWN or diagnosis.answer.nearest is None:
+        return
+    search, near = diagnosis.search, diagnosis.answer.nearest
+    candidates, joint = search.projection.candidates, near.effects[0].shaped.candidate.joint
+    alone = sorted(extended(search.projection, search.sets[0][0]), key=lambda one: -one.gain)
+    on_joint = [one for one in alone if candidates[one.numbers[-1]].candidate.joint == joint]
+    first = on_joint[:NEAREST_MEMBERS]
+    if len(first) > 1:
+        members = [
+            _member(search, one, 0, first[0].gain if place else None)
+            for place, one in enumerate(first)
+        ]
+        yield _question(diagnosis, QuestionKind.NEAREST, members, near.effects[0])
+
+
+def _undetermined(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
+    """Each term of the model that was left out, at a size that would matter."""
+    evidence, setting = diagnosis.training, diagnosis.before.setting
+    for term in diagnosis.fit.left_out:
+        sizes = np.nan_to_num(evidence.rms(evidence.columns(term).sum(axis=2)))
+        c = int(np.argmax(sizes))
+        size = PLAUSIBLE_SHARE * evidence.force_rms[c] / sizes[c] if sizes[c] > 0.0 else 1.0
+        member = OpenMember(
+            effect=term.type,
+            name=term.type if term.effect is None else term.effect.name,
+            joint=term.only_joint or WHOLE,
+            term=term.model_dump(mode="json"),
+            values=[float(size)] * len(term.parameters(setting)),
+            separation=None,
+            settled_by="" if term.effect is None else term.effect.settled_by,
+        )
+        yield OpenQuestion(
+            kind=QuestionKind.UNDETERMINED,
+            members=[member],
+            needed=float(np.sqrt(diagnosis.decision.threshold)),
+            needed_share=0.0,
+        )
+
+
+def _question(
+    diagnosis: Diagnosis, kind: QuestionKind, members: Sequence[OpenMember], judged: Judged
+) -> OpenQuestion:
+    alike = diagnosis.thresholds.method.alike_correlation
+    return OpenQuestion(
+        kind=kind,
+        members=list(members),
+        needed=float(np.sqrt(max(judged.threshold, diagnosis.decision.threshold))),
+        needed_share=float(np.sqrt(1.0 - alike**2)),
+    )
+
+
+def _member(search: Search, subset: Subset, place: int, best: float | None) -> OpenMember:
+    """The effect at one place of a set, with its values there."""
+    projection = search.projection
+    shaped = projection.candidates[subset.numbers[place]]
+    columns = np.concatenate([projection.columns_of[i] for i in subset.numbers])
+    of_effect = projection.owner[columns] == subset.numbers[place]
+    scale = projection.scale[columns[of_effect]]
+    values = np.divide(
+        subset.values[of_effect], scale, out=np.zeros(of_effect.sum()), where=scale > 0.0
+    )
+    return OpenMember(
+        **dict(_effect(shaped.candidate)),
+        term=shaped.term.model_dump(mode="json"),
+        values=values.tolist(),
+        separation=None if best is None else float(np.sqrt(max(best - subset.gain, 0.0))),
+        settled_by=shaped.candidate.effect.settled_by,
+    )

@@ -1,292 +1,462 @@
-"""findings.json: the answer for programs."""
+"""The result values of a diagnosis, as findings.json holds them.
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+Shares and relative magnitudes are of one; a number that is not known is null. The schema of the
+file, and its page of the manual, are made from these classes.
+"""
 
-import numpy as np
+from enum import StrEnum
 
-from crane_identification.diagnosis.answer.unknown import Drawing
-from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.findings_file import (
-    CarriedLoad,
-    ChangedParameter,
-    CommandedGap,
-    DrawnShape,
-    FindingEntry,
-    Findings,
-    FoundEffect,
-    FoundParameter,
-    FoundPlace,
-    FoundPulsation,
-    FoundRegion,
-    GapOfModels,
-    GapSide,
-    LeftResidual,
-    NearEffect,
-    NearestEffects,
-    NearestGap,
-    OwnTermEntry,
-    SessionClock,
-    Untried,
-    drawn_shape,
-    unknown_place,
-)
-from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
-from crane_identification.diagnosis.open_questions import open_questions
-from crane_identification.diagnosis.proof.extension import Finding, Value, carried_in
-from crane_identification.diagnosis.proof.gap import Gap
-from crane_identification.diagnosis.proof.proof import Nearest
-from crane_identification.diagnosis.region import (
-    Region,
-    correlation_left,
-    energy_shares,
-    regions,
-)
-from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.energy import acting
-from crane_identification.diagnosis.variables import feature_unit
-from crane_identification.notation import is_determined
-from crane_identification.validation.motion_validation import MotionValidation
-
-WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
+from crane_model.result_file import Number, NumberByJoint, OpenQuestions, ResultFile, ResultPart
 
 
-def write(path: Path | str, diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> None:
-    """Write the file, with what is suspicious of the recordings."""
-    answer(diagnosis, suspicions).write(path)
+class Verdict(StrEnum):
+    """What a diagnosis answers."""
+
+    NAMED = "named"
+    AND_MORE = "named_and_more"
+    AMBIGUOUS = "ambiguous"
+    NONE = "none"
+    UNKNOWN = "unknown"
+    INSUFFICIENT = "insufficient_data"
 
 
-def content(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> dict[str, Any]:
-    """What the file holds, as it is read from it."""
-    return answer(diagnosis, suspicions).plain()
+class FoundEffect(ResultPart):
+    """An effect and its place."""
+
+    effect: str
+    """Its type, as in the catalogue and in model files."""
+    name: str
+    """What people call it."""
+    joint: str
+    """The joint, or `all` where it is of the whole crane."""
 
 
-def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
-    """All that a diagnosis found."""
-    fit, gap, flow = diagnosis.fit, diagnosis.gap, diagnosis.flow
-    return Findings(
-        verdict=diagnosis.verdict,
-        reason=diagnosis.reason,
-        values_kept=fit.fixed,
-        where=_where(diagnosis),
-        findings=[_finding(diagnosis, one) for one in diagnosis.findings]
-        + [of_flow(diagnosis, one.joint, each) for one in flow.found for each in one.missing]
-        + [of_load(diagnosis, one) for one in gap.loads if one.found],
-        nearest=_near(diagnosis.answer.nearest),
-        own_terms=[
-            OwnTermEntry(
-                **dict(_effect(one.candidate)), objection=one.objection, tried=_near(one.near)
-            )
-            for one in diagnosis.answer.own
-        ],
-        unknown=unknown_place(diagnosis),
-        gap=GapOfModels(
-            before=_side(gap, gap.before, gap.motion_before),
-            after=_side(gap, gap.after, gap.motion_after),
-            closed=dict(zip(diagnosis.joints, gap.held_to.closed, strict=True)),
-            loads=[
-                CarriedLoad(recording=one.recording, value=one.mass, std_dev=one.std_dev)
-                for one in gap.loads
-            ],
-            from_commands=_from_commands(diagnosis),
-            from_commands_reason=diagnosis.commanded.reason,
-        ),
-        left=_left(diagnosis),
-        undetermined=list(fit.undetermined),
-        clock=SessionClock(
-            through_session=fit.session.fallback is None, reason=fit.session.fallback
-        ),
-        needs_units=list(fit.uncalibrated),
-        warnings=list(diagnosis.warnings),
-        without=sorted(diagnosis.without),
-        not_testable=_untried(diagnosis.search.untestable),
-        not_observable=_untried(diagnosis.search.unobservable)
-        + [
-            Untried(effect=effect, joint=joint, reason=reason)
-            for (effect, joint), reason in flow.unobservable.items()
-        ],
-        pulsations=[
-            FoundPulsation(joint=one.joint, frequency=one.frequency, strength=one.strength)
-            for one in diagnosis.proof.pulsations
-        ],
-        flow={one.joint: balance(one) for one in flow.found},
-        open=open_questions(diagnosis),
-        named_from=dict(diagnosis.answer.named_from),
-        suspicions=list(suspicions),
-    )
+class NearEffect(FoundEffect):
+    """An effect that comes near."""
+
+    score: Number
+    """2 Δ log L of the training recordings [-]."""
+    threshold: Number
+    """What a finding has to score [-]."""
 
 
-def _where(diagnosis: Diagnosis) -> dict[str, FoundPlace]:
-    motion, first = diagnosis.gap.motion_before, diagnosis.proof.before
-    shares, places = energy_shares(diagnosis.training, first), regions(diagnosis.fit, first)
-    return {
-        joint: FoundPlace(
-            energy_share=shares[j],
-            motion_error=motion.position_rms[j],
-            region=_region(diagnosis, places[j]),
-        )
-        for j, joint in enumerate(diagnosis.joints)
-    }
+class FoundParameter(ResultPart):
+    """A parameter of a finding, or a value of the hydraulics."""
+
+    name: str
+    """As in model files."""
+    value: Number
+    """Estimate [unit]."""
+    std_dev: Number
+    """Its standard deviation [unit]."""
+    unit: str
+    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    minimum: Number
+    """What physics keeps it above [unit]."""
+    determined: bool
+    """Whether the recordings determine it."""
 
 
-def _from_commands(diagnosis: Diagnosis) -> list[CommandedGap]:
-    def by_joint(values: np.ndarray) -> dict[str, float]:
-        return dict(zip(diagnosis.joints, values, strict=True))
+class ChangedParameter(FoundParameter):
+    """A parameter that the model had with another value."""
 
-    return [
-        CommandedGap(
-            horizon=before.horizon,
-            windows=before.windows,
-            way=by_joint(before.way),
-            before=by_joint(before.position_rms),
-            after=by_joint(after.position_rms),
-        )
-        for before, after in diagnosis.commanded.pairs
-    ]
+    before: Number
+    """What it has changed from [unit]."""
+    before_std_dev: Number
+    """Standard deviation of that [unit]."""
+    change: Number
+    """By how much it has changed [unit]."""
+    change_std_dev: Number
+    """Standard deviation of that [unit]."""
 
 
-def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:
-    fit, trial, gap = diagnosis.fit, diagnosis.proof.trial, diagnosis.gap
-    errors, gates = np.maximum(gap.after, gap.training_after), diagnosis.thresholds.gates
-    beyond_noise = gap.beyond_noise(errors, gates)
-    if trial.formless:  # laws always leave more than the noise of sensors
-        beyond_noise |= gap.beyond_samples(errors, gates)
-    return {
-        joint: LeftResidual(
-            white=bool(abs(correlation) < WHITE),
-            correlation=correlation,
-            learnable_share=share,
-            law=bool(law),
-            beyond_noise=bool(beyond),
-            region=_region(diagnosis, region),
-        )
-        for joint, correlation, share, law, beyond, region in zip(
-            diagnosis.joints,
-            correlation_left(fit.evidence, trial),
-            trial.learnt.share,
-            trial.law,
-            beyond_noise,
-            regions(fit, trial),
-            strict=True,
-        )
-    }
+class FoundCurve(ResultPart):
+    """A dependence as it was drawn: values at knots, straight lines between them."""
+
+    variable: str
+    """What it depends on; of a velocity and of a force, their size."""
+    variable_unit: str
+    """Of the knots."""
+    knots: list[Number]
+    """Where the values are [variable_unit]."""
+    values: list[Number]
+    """Force over what it is multiplied by [unit]."""
+    std_devs: list[Number]
+    """Their standard deviations; 0 where the shape is held at 0 [unit]."""
+    unit: str
+    """Of the values."""
+    times: str
+    """What it is multiplied by: the direction sgn(q'), the velocity q', or 1."""
 
 
-def _region(diagnosis: Diagnosis, region: Region | None) -> FoundRegion | None:
-    if region is None:
-        return None
-    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
-    return FoundRegion(
-        variable=region.variable,
-        range=(region.low, region.high),
-        unit=feature_unit(region.variable, setting, counts),
-        share=region.share,
-    )
+class FindingEntry(FoundEffect):
+    """An effect that the model lacks, or of flows and loads that is found beside those."""
+
+    changed: bool = False
+    """Whether a value of the model has changed, rather than that a term is missing."""
+    ambiguity_group: list[FoundEffect]
+    """Effects that these recordings cannot tell from this one."""
+    parameters: list[ChangedParameter | FoundParameter]
+    """Of this effect, in the model with all findings."""
+    curves: list[FoundCurve] = []
+    """Its law, where none of the catalogue fits; empty where one does."""
+    deviation: list[FoundCurve] = []
+    """The force that its form lacks; empty where the form is that of the catalogue."""
+    carried_in: dict[str, list[str]]
+    """Recordings that carry a load, by the parameter of the load, and by `none` those without."""
+    score: Number
+    """2 Δ log L of the training recordings [-]."""
+    threshold: Number
+    """What a finding has to score [-]."""
+    false_alarm_rate: Number
+    """Promised of the threshold [-]."""
+    runner_up: FoundEffect | None
+    """The effect that explains most in its place."""
+    margin: Number
+    """Score beyond the runner-up's [-]."""
+    margin_needed: Number
+    """Margin with which the runner-up is ruled out [-]."""
+    visibility: Number
+    """Share of its energy that the other parameters do not take up [-]."""
+    relative_magnitude: Number
+    """Rms of its force over that of the drive force, while its joint slides; null for flows and
+    loads [-]."""
+    visible_magnitude: Number
+    """The same of the part that other parameters do not take up; for a flow, over the flow [-]."""
+    held_out_gains: NumberByJoint
+    """What it gains on each recording in which it acts when fitted to the others, by their names;
+    where these are few, on blocks of time [-]."""
+    settled_by: str
+    """The experiment that tells it from what looks alike."""
 
 
-def _finding(diagnosis: Diagnosis, finding: Finding) -> FindingEntry:
-    judged, candidate = finding.judged, finding.candidate
-    return FindingEntry(
-        effect=candidate.type,
-        name=candidate.effect.name,
-        joint=candidate.where,
-        changed=candidate.changes,
-        class_members=[_effect(one) for one in judged.indistinct],
-        parameters=[_parameter(value) for value in finding.parameters],
-        shapes=_shapes(diagnosis, finding),
-        carried_in=carried_in(finding, diagnosis.training.sources),
-        score=judged.score,
-        threshold=judged.threshold,
-        false_alarm_rate=diagnosis.thresholds.method.false_alarm_rate,
-        runner_up=None if judged.runner_up is None else _effect(judged.runner_up),
-        margin=judged.margin,
-        margin_needed=judged.needed,
-        visibility=judged.visibility,
-        strength=acting(diagnosis.training, judged.shaped.columns, finding.added),
-        visible_strength=judged.strength,
-        held_out_gains=dict(zip(judged.fold_names, judged.held_out, strict=True)),
-        settled_by=candidate.effect.settled_by,
-    )
+class FoundRegion(ResultPart):
+    """Where most of a residual sits."""
+
+    variable: str
+    """The quantity that the residual follows most."""
+    range: tuple[Number, Number]
+    """Lowest and highest value of it [unit]."""
+    unit: str
+    """Of the quantity."""
+    share: Number
+    """Of the energy of the residual that sits there [-]."""
 
 
-def _shapes(diagnosis: Diagnosis, finding: Finding) -> list[DrawnShape]:
-    """The law of a finding as it was drawn, for each factor; none where it is a formula."""
-    shaped = finding.judged.shaped
-    own = finding.parameters[: len(shaped.positive)]
-    values, std_devs = (
-        shaped.term.curves(np.array([getattr(one, name) for one in own]))
-        for name in ("value", "std_dev")
-    )
-    return [
-        drawn_shape(diagnosis, finding.candidate.where, Drawing(*pair, own[k].unit))
-        for k, pair in enumerate(zip(values, std_devs, strict=True))
-    ]
+class FoundPlace(ResultPart):
+    """What the model leaves of a joint before anything is added."""
+
+    energy_share: Number
+    """Of all that the model leaves, in units of the noise [-]."""
+    motion_error: Number
+    """Rms error of the simulated motion of the held-out recordings [rad, m]."""
+    region: FoundRegion | None
+    """Where the residual sits."""
 
 
-def _effect(one: Candidate) -> FoundEffect:
-    return FoundEffect(effect=one.type, name=one.effect.name, joint=one.where)
+class ErrorChange(ResultPart):
+    """Held-out error of the force of a joint."""
+
+    before: Number
+    """Without the effects, over the rms of the force [-]."""
+    after: Number
+    """With them [-]."""
 
 
-def _parameter(one: Value) -> FoundParameter:
-    """A parameter, whether the recordings determine it, and what it has changed from."""
-    parameter = FoundParameter(
-        name=one.name,
-        value=one.value,
-        std_dev=one.std_dev,
-        unit=one.unit,
-        minimum=one.minimum,
-        determined=is_determined(one.value, one.std_dev, one.minimum),
-    )
-    if one.before is None:
-        return parameter
-    (before, before_std_dev), (change, change_std_dev) = one.before, one.change
-    return ChangedParameter(
-        **dict(parameter),
-        before=before,
-        before_std_dev=before_std_dev,
-        change=change,
-        change_std_dev=change_std_dev,
-    )
+class NearestEffects(ResultPart):
+    """What comes closest where nothing is named."""
+
+    effects: list[NearEffect]
+    """Strongest first."""
+    explained_share: Number
+    """Of what the training recordings leave where they act [-]."""
+    model_error: dict[str, ErrorChange]
+    """By joint."""
+    objection: str
+    """Why they are no answer."""
 
 
-def _near(near: Nearest | None) -> NearestEffects | None:
-    """What effects would do that are not named, and why that does not do."""
-    if near is None:
-        return None
-    return NearestEffects(
-        effects=[
-            NearEffect(
-                **dict(_effect(one.shaped.candidate)), score=one.score, threshold=one.threshold
-            )
-            for one in near.effects
-        ],
-        explained_share=near.explained,
-        gap={
-            joint: NearestGap(before=before, after=after)
-            for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
-        },
-        objection=near.objection,
-    )
+class OwnTermEntry(FoundEffect):
+    """A term of `--terms` that is not named."""
+
+    objection: str
+    """Why not."""
+    tried: NearestEffects | None
+    """What it does by itself; none where these recordings cannot show it."""
 
 
-def _side(gap: Gap, error: np.ndarray, motion: MotionValidation) -> dict[str, GapSide]:
-    return {
-        joint: GapSide(
-            force_relative_error=error[j],
-            noise_floor=gap.floor[j],
-            sample_noise=gap.sample_noise[j],
-            best_achievable=gap.best[j],
-            motion_error=motion.position_rms[j],
-            motion_displacement=motion.displacement_rms[j],
-            motion_reason=motion.reason,
-        )
-        for j, joint in enumerate(gap.joints)
-    }
+class NearbySignature(ResultPart):
+    """What an unknown force may depend on."""
+
+    signature: str
+    """In words: the variable, and with which symmetry."""
+    effects: list[str]
+    """Types of the effects that have it; none where the catalogue knows no such effect."""
+    explained_share: Number
+    """Of the energy beyond noise, by the best shape of it [-]."""
+    better: int
+    """Recordings that it helps to predict when it is fitted to the others [-]."""
+    asked: int
+    """Recordings that this was asked of [-]."""
+    curves: list[FoundCurve]
+    """The best shape as it was drawn, for each factor; empty where it is no curve."""
 
 
-def _untried(candidates: Mapping[Candidate, str]) -> list[Untried]:
-    return [
-        Untried(effect=candidate.type, joint=candidate.where, reason=reason)
-        for candidate, reason in candidates.items()
-    ]
+class FoundDifference(ResultPart):
+    """A parameter of the model that is not alike in all recordings."""
+
+    parameter: str
+    """Its name."""
+    unit: str
+    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    explained_share: Number
+    """Of the energy beyond noise, where each recording has its own value [-]."""
+    changes: NumberByJoint
+    """By recording: what it differs by from the value of all [unit]."""
+    std_devs: NumberByJoint
+    """Standard deviations of these [unit]."""
+
+
+class FoundFormula(ResultPart):
+    """A short formula for an unknown force."""
+
+    equation: str
+    """Of the force, in the position q, velocity q' and acceleration q'' of its joint and others."""
+    parameters: list[FoundParameter]
+    """Its coefficients."""
+    before: Number
+    """Held-out error of the force without it, over the rms of the force [-]."""
+    after: Number
+    """With it [-]."""
+    closed_share: Number
+    """Share of the explainable energy on held-out recordings that it explains [-]."""
+    source: str
+    """A Python file for `--terms` that holds it as a term; `diagnose` writes it beside this one."""
+
+
+class UnknownPlace(ResultPart):
+    """What is known of a force that is unknown."""
+
+    joint: str
+    """That most of it is on."""
+    relative_magnitude: Number
+    """Rms of what is beyond noise there, over that of the drive force [-]."""
+    signatures: list[NearbySignature]
+    """The nearest ones, best first."""
+    recordings: NumberByJoint
+    """By the recordings in which there is far more of it: rms over the median of all [-]."""
+    difference: FoundDifference | None
+    """Where most of it is that recordings differ from each other."""
+    formula: FoundFormula | None = None
+    """Where a short formula explains it."""
+
+
+class ModelError(ResultPart):
+    """Errors of a joint on the held-out recordings."""
+
+    force_relative_error: Number
+    """Rms error of the force over that of the force [-]."""
+    noise_floor: Number
+    """Scatter between periods over the same; null where none was repeated [-]."""
+    sample_noise: Number = None
+    """What scatters from sample to sample, as far as rows hold it, over the same [-]."""
+    best_achievable: Number
+    """Error that a flexible learner reaches over the same [-]."""
+    motion_error: Number
+    """Rms error of the simulated motion [rad, m]."""
+    motion_displacement: Number
+    """How far the joint itself moved in that time [rad, m]."""
+    motion_reason: str
+    """Why no motion was simulated; empty if it was."""
+
+
+class CarriedLoad(ResultPart):
+    """A load estimated from a held-out recording."""
+
+    recording: str
+    """Its name."""
+    value: Number
+    """Mass beyond that of the lightest recording [kg]."""
+    std_dev: Number
+    """Its standard deviation [kg]."""
+
+
+class CommandedError(ResultPart):
+    """Errors of the motion from valve commands alone, simulated from measured states."""
+
+    horizon: Number
+    """How long each simulation lasts [s]."""
+    windows: int
+    """Simulations, one behind the other [-]."""
+    displacement: NumberByJoint
+    """How far the joint itself went in that time, on average [rad, m]."""
+    before: NumberByJoint
+    """Rms error at the end with the model as it came [rad, m]."""
+    after: NumberByJoint
+    """The same with the findings [rad, m]."""
+
+
+class ModelErrors(ResultPart):
+    """The proof: errors on recordings that took no part."""
+
+    before: dict[str, ModelError]
+    """Of the model as it came, by joint."""
+    after: dict[str, ModelError]
+    """Of the model with the findings, by joint."""
+    closed: NumberByJoint
+    """Share of the explainable energy that the findings explain, where training went; null where
+    there is none [-]."""
+    loads: list[CarriedLoad]
+    """What single held-out recordings carry."""
+    from_commands: list[CommandedError] = []
+    """By how far ahead; empty where that cannot be simulated."""
+    from_commands_reason: str = ""
+    """Why no motion was simulated from commands; empty if it was."""
+
+
+class LeftResidual(ResultPart):
+    """What is left of a joint after the findings."""
+
+    white: bool
+    """Whether neighbouring rows of it hardly correlate."""
+    correlation: Number
+    """Of neighbouring rows [-]."""
+    learnable_share: Number
+    """Of its energy that a flexible learner predicts [-]."""
+    systematic: bool
+    """Whether that is more than chance gives."""
+    beyond_noise: bool
+    """Whether the error is clearly larger than the noise floor."""
+    region: FoundRegion | None
+    """Where it sits."""
+
+
+class SessionClock(ResultPart):
+    """Whether the recordings have a time in common."""
+
+    through_session: bool
+    """Whether time runs through all recordings, as warming up does."""
+    reason: str | None
+    """Why not."""
+
+
+class Untried(ResultPart):
+    """An effect that was not tried."""
+
+    effect: str
+    """Its type."""
+    joint: str
+    """The joint, or `all`."""
+    reason: str
+    """Why not."""
+
+
+class PartlySeen(FoundEffect):
+    """Friction that may stay unseen: rows close to reversals and at rest are left out."""
+
+    seen_share: Number
+    """Share of its energy in the used rows, at the nonlinear parameters with the least [-]."""
+
+
+class FoundPulsation(ResultPart):
+    """A line in the spectrum of what the model leaves."""
+
+    joint: str
+    """On which."""
+    frequency: Number
+    """Of the line [Hz]."""
+    relative_magnitude: Number
+    """Its rms over that of the force [-]."""
+
+
+class EdgeGain(ResultPart):
+    """The gain of a metering edge of a valve."""
+
+    value: Number
+    """Estimate [m3/(s Pa^0.5)]."""
+    std_dev: Number
+    """Its standard deviation [m3/(s Pa^0.5)]."""
+    determined: bool
+    """Whether the recordings tell."""
+
+
+class HydraulicQuantity(FoundParameter):
+    """A value of the hydraulics, beside what is usual."""
+
+    usual_limit: Number
+    """Limit of what is usual [unit]."""
+    identified: bool = False
+    """Whether that is of the machine's own identified value, not of the data sheet."""
+    share_beyond_usual: Number
+    """Rms of the flow that is beyond usual over that of the piston's flow [-]."""
+
+
+class FlowBalance(ResultPart):
+    """The balance of the oil of a cylinder."""
+
+    unexplained_share: Number
+    """Rms of what is unexplained over that of the piston's flow [-]."""
+    correlation_left: Number
+    """Of neighbouring rows of what is unexplained [-]."""
+    worn: bool
+    """Whether the leakage changes along the stroke: its value is the mean."""
+    known_time: Number
+    """For which everything is known that the balance needs [s]."""
+    recorded_time: Number
+    """Of the recordings [s]."""
+    edge_gains: dict[str, EdgeGain]
+    """By metering edge."""
+    quantities: dict[str, HydraulicQuantity]
+    """By name in the catalogue; empty where too much is left for any to be good."""
+
+
+class Findings(ResultFile):
+    """The answer of `diagnose`, and all that it rests on."""
+
+    verdict: Verdict
+    """The answer."""
+    reason: str
+    """Why, in a sentence."""
+    values_kept: bool
+    """Whether the values of the model were kept (`--fixed`)."""
+    where: dict[str, FoundPlace]
+    """By joint: where the model as it came disagrees."""
+    findings: list[FindingEntry]
+    """Effects of the force, strongest first; then of the flow; then loads."""
+    nearest: NearestEffects | None
+    """Where nothing is named."""
+    own_terms: list[OwnTermEntry] = []
+    """Terms of `--terms` that are not named."""
+    unknown: UnknownPlace | None = None
+    """Where something is unknown; beside names, on the joint without one that most is left on."""
+    model_error: ModelErrors
+    """Errors before and after."""
+    left: dict[str, LeftResidual]
+    """By joint."""
+    undetermined: list[str]
+    """Parameters of the model that the recordings do not determine: terms of theirs alone were left
+    out, of combinations with others counts what is determined."""
+    clock: SessionClock
+    """Of the session."""
+    needs_units: list[str]
+    """Quantities that came in counts, and without whose unit no value has one."""
+    warnings: list[str]
+    """About the recordings, and about results that do not carry over."""
+    without: list[str]
+    """Effects that were not asked for (`--without`)."""
+    not_testable: list[Untried]
+    """Effects that hide behind the parameters of the model."""
+    not_observable: list[Untried]
+    """Effects of which these recordings show nothing."""
+    partly_seen: list[PartlySeen] = []
+    """Friction that was tested, but of which these recordings may show too little."""
+    pulsations: list[FoundPulsation]
+    """Lines that are the same in all recordings."""
+    flow: dict[str, FlowBalance]
+    """By joint whose flow was recorded."""
+    open: OpenQuestions
+    """What another experiment could settle: `design --settle` finds its motion."""
+    named_from: NumberByJoint
+    """By joint: strength from which nine in ten effects are named, before any filter [-]."""
+    suspicions: list[str] = []
+    """What is suspicious of the recordings themselves."""

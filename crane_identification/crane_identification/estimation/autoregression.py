@@ -16,16 +16,16 @@ from scipy.optimize import minimize
 from scipy.stats import f as fisher
 
 from crane_identification.estimation.regression import Rows, solve
-from crane_identification.preparation.averaging import LOCAL
+from crane_identification.preparation.run import LOCAL
 from crane_identification.signals.decimate import UNFILTERED
 
 HIGHEST_ORDER = 4
 ROWS_PER_ORDER = 10  # that no column explains; fewer do not carry another coefficient
 LARGEST_REFLECTION = 0.98  # keeps the memory of the model finite
 GRADIENT = 0.05  # of the log-likelihood at which the search ends; a difference of 1 says nothing
-ROUNDING = 1e-24  # share of the force's sum of squares below which the rest is rounding
+FORCE_ROUNDING_POWER = 1e-24  # share of the force's sum of squares below which the rest is rounding
 REFLECTIONS = np.linspace(-0.95, 0.95, 39)
-MEMORY = 2 * HIGHEST_ORDER
+PREDICTION_SAMPLES = 2 * HIGHEST_ORDER
 """Samples from which filtered noise is predicted, which has no order of its own."""
 
 Predictors = tuple[list[np.ndarray], np.ndarray]
@@ -65,7 +65,7 @@ def restricted_likelihood(
     (1978). `filtered` (lags,): the autocorrelation that a filter has given to white noise.
     """
     models = _models(columns, force, used, filtered)
-    return min(models, key=lambda one: one.schwarz).noise if models else None
+    return min(models, key=lambda model: model.schwarz).noise if models else None
 
 
 def autocovariances(
@@ -84,14 +84,14 @@ def autocovariances(
         white = np.where(np.arange(lags) == 0, power, 0.0)
         return white, white
     points = _points(lags)
-    spectra = [one.noise.spectrum(points) for one in models]
-    criteria = [one.schwarz for one in models]
+    spectra = [model.noise.spectrum(points) for model in models]
+    criteria = [model.schwarz for model in models]
     likely, least = spectra[int(np.argmin(criteria))], spectra[0]
     if (likelihood := models[0].likelihood) is not None:
         first = _Likelihood(likelihood.values, used, 1, UNFILTERED)
         searched = np.arctanh(REFLECTIONS / LARGEST_REFLECTION)[:, np.newaxis]
-        costs = np.array([first.cost(one) for one in searched])
-        of_coefficient = [first.noise(one).spectrum(points) for one in searched]
+        costs = np.array([first.cost(point) for point in searched])
+        of_coefficient = [first.noise(point).spectrum(points) for point in searched]
         averaged = _shares(costs) @ np.array(of_coefficient)
         spectra[1:2], criteria[1:2] = [averaged], [float(costs.min() + np.log(first.free))]
     cautious = np.maximum(_shares(np.array(criteria)) @ np.array(spectra), least)
@@ -127,7 +127,7 @@ def _models(
     basis[used] = np.linalg.qr(columns[used])[0]
     rest[used] = force[used] - basis[used] @ (basis[used].T @ force[used])
     power = float((rest**2).sum())
-    if power <= ROUNDING * float((force[used] ** 2).sum()):
+    if power <= FORCE_ROUNDING_POWER * float((force[used] ** 2).sum()):
         return [_Model(Autoregression(np.ones(1), power / free, filtered), 0.0, None)]
     values = np.concatenate([basis, rest[..., np.newaxis]], axis=2)
     found, start = [], np.zeros(0)
@@ -154,7 +154,7 @@ class _Likelihood:
         self.free = int(used.sum()) - (values.shape[2] - 1)
         self.counts, self.products = [], []
         self.predictors = _predictors if len(filtered) == 1 else _behind(filtered)
-        memory = order if len(filtered) == 1 else MEMORY
+        memory = order if len(filtered) == 1 else PREDICTION_SAMPLES
         before = _used_before(used, memory)
         for m in range(memory + 1):
             run, sample = np.nonzero(used & (before == m))
@@ -225,11 +225,11 @@ def _power(filtered: np.ndarray, points: int) -> np.ndarray:
 
 
 def _behind(filtered: np.ndarray) -> Callable[[np.ndarray], Predictors]:
-    """Those of order 0 to MEMORY of such a model behind a filter."""
+    """Those of order 0 to PREDICTION_SAMPLES of such a model behind a filter."""
 
     def predictors(search: np.ndarray) -> Predictors:
         model = Autoregression(_predictors(search)[0][-1], 1.0, filtered)
-        return predictors_of(model.autocovariance(MEMORY + 1))
+        return predictors_of(model.autocovariance(PREDICTION_SAMPLES + 1))
 
     return predictors
 
@@ -277,12 +277,14 @@ def lack_of_fit(rows: Rows, values: np.ndarray) -> LackOfFit:
         return LackOfFit(rows.joints, ratio, p_value, freedom, noise_freedom)
     noise, variance, of_noise = np.zeros((3, joints))
     for run, deviation in enumerate(rows.scatter):
-        used, others = rows.used[rows.run == run], len(deviation) - 1
-        mean_noise = np.where(used, deviation**2, 0.0).sum(axis=(0, 1)) / others / len(deviation)
+        used, freedom_of_scatter = rows.used[rows.run == run], len(deviation) - 1
+        mean_noise = (
+            np.where(used, deviation**2, 0.0).sum(axis=(0, 1)) / freedom_of_scatter / len(deviation)
+        )
         independent = independent_samples(deviation, used, rows.filtered)
         noise += mean_noise
         variance += mean_noise**2 / independent
-        of_noise += mean_noise**2 / independent / others
+        of_noise += mean_noise**2 / independent / freedom_of_scatter
     left = 1.0 - _absorbed(rows, residual)
     seen = (noise > 0.0) & (left > 0.0)
     ratio[seen] = (residual**2).sum(axis=0)[seen] / noise[seen] / left[seen]

@@ -18,34 +18,209 @@ any frame and unit.
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.least_squares import fit
-from crane_identification.estimation.physics import Bodies, Inequality, Physics
 from crane_identification.estimation.prior import Prior
-from crane_identification.estimation.regression import Rows, balancing, check
+from crane_identification.estimation.regression import (
+    Estimate,
+    Fit,
+    Rows,
+    balancing,
+    check,
+    describe,
+)
 from crane_identification.options import Covariance
-from crane_model.errors import DataError
+from crane_model.base_parameters import STANDARD_PARAMETERS, lagrangian_from_standard
+from crane_model.chain import PER_BODY, TEN_FROM_PSEUDO_INERTIA
+from crane_model.dynamics import Geometry
+from crane_model.errors import ConfigurationError, DataError
+from crane_model.machine import Machine
+from crane_model.model_file import Model
+from crane_model.record import Record
+from crane_model.terms import Term
+from crane_model.terms.drives import RotorInertia
 
-SMALLEST = 0.01
+BODIES = ("inner boom", "outer boom", "telescope and gripper")
+ROTOR_STATES = 100  # random ones that show whether a rotor is told from bodies
+ROTOR_TOLERANCE = 1e-6  # share of a column's norm
+LEAST_EIGENVALUE_IN_PLANE = 0.01
 """Smallest eigenvalue of a planar pseudo-inertia [kg, m]: of what is lighter than this, or thinner,
 the mass matrix could not be told from a singular one."""
-HUNDREDS = 100.0  # kg, the unit of masses of planar bodies
-SMALLEST_IN_SPACE = 1e-6
+PLANAR_MASS_UNIT_KG = 100.0  # kg, the unit of masses of planar bodies
+LEAST_EIGENVALUE_IN_SPACE = 1e-6
 """The same in space, in parts of the mass with which equal bodies would make the measured force,
 and of the mean length of a link: a hundred times what the solver rounds."""
-HEAVIEST = 1000.0
+LARGEST_MASS = 1000.0
 """Mass that no body reaches, in these units. That of an inner boom moves nothing and would have no
 limit."""
-CLEAN = 1e-6
+LEAST_RESIDUAL_SHARE = 1e-6
 """Share of the force that a residual of simulated data, without noise, counts as having: from less,
 the solver would be asked for digits that it does not have."""
-FELT = 0.01
+FELT_SIGMAS = 0.01
 """Standard deviations of the force by which a constraint must hold Θ back to be named."""
+
+
+@dataclass(frozen=True)
+class Inequality:
+    """`weights` · Θ >= `least`, in words `name`."""
+
+    name: str
+    weights: np.ndarray  # (p,)
+    least: float
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """The k bodies behind the base parameters Θ[`part`], each by its pseudo-inertia P (d, d).
+
+    A body has s standard parameters, `moments` (s, d, d) : P. `base` (r, k s) @ those of all bodies
+    gives Θ[`part`], for any bodies for which `none` (c, k s) @ standard parameters is 0. To these
+    `rotors` (r, l) adds, times an inertia of at least 0 each, those of drives that the machine has
+    and the model lacks, if forces cannot tell them from bodies. A body of 1 kg has P about the
+    square of `size` (d,), on its diagonal. P is positive definite where `definite` (k,), elsewhere
+    at least not negative.
+    """
+
+    part: slice
+    names: tuple[str, ...]
+    moments: np.ndarray
+    base: np.ndarray
+    none: np.ndarray
+    rotors: np.ndarray
+    size: np.ndarray
+    definite: np.ndarray
+
+    @property
+    def in_space(self) -> bool:
+        """Whether bodies have all ten parameters; else they are planar."""
+        return self.moments.shape[1] == 4
+
+
+@dataclass(frozen=True)
+class Physics:
+    """All that physics asks of Θ (p,)."""
+
+    inequalities: tuple[Inequality, ...]
+    bodies: Bodies | None
+
+    def violated(self, values: np.ndarray) -> list[str]:
+        """Names of the inequalities that `values` (p,) do not keep."""
+        return [
+            inequality.name
+            for inequality in self.inequalities
+            if inequality.weights @ values < inequality.least
+        ]
+
+
+def physics(model: Model, bodies_in_space: bool = True) -> Physics:
+    """Minimum of every parameter, friction (13) that brakes in both directions, and the bodies.
+
+    Without `bodies_in_space`, of bodies only those of a planar crane.
+    """
+    names = [parameter.name for parameter in model.parameters]
+    unit, bodies = np.eye(len(names)), _bodies(model, bodies_in_space)
+    # Minima of a body in space follow from its pseudo-inertia.
+    implied = range(len(names))[bodies.part] if bodies and bodies.in_space else range(0)
+    inequalities = [
+        Inequality(f"{parameter.name} >= {parameter.minimum:g}", unit[i], parameter.minimum)
+        for i, parameter in enumerate(model.parameters)
+        if parameter.minimum is not None and i not in implied
+    ]
+    for mean, half in _asymmetries(model):
+        inequalities += [
+            Inequality(f"{names[mean]} + {names[half]} >= 0", unit[mean] + unit[half], 0.0),
+            Inequality(f"{names[mean]} - {names[half]} >= 0", unit[mean] - unit[half], 0.0),
+        ]
+    return Physics(tuple(inequalities), bodies)
+
+
+def _asymmetries(model: Model) -> list[tuple[int, int]]:
+    """Where a mean of both directions and half their difference stand in Θ, joint by joint."""
+    means = {(term.type, term.only_joint): model.part(term).start for term in model.terms}
+    pairs = [
+        (term.type, model.joints.index(term.only_joint), mean, model.part(term).start)
+        for term in model.terms
+        if term.asymmetry_of is not None
+        and term.only_joint is not None
+        and (mean := means.get((term.asymmetry_of, term.only_joint))) is not None
+    ]
+    return [(mean, half) for *_, mean, half in sorted(pairs)]
+
+
+def _bodies(model: Model, in_space: bool) -> Bodies | None:
+    if model.base_parameters is not None:
+        return _in_the_plane(model, model.base_parameters)
+    for term in model.terms if in_space else ():
+        base = term.of_bodies(model.setting)
+        if base is not None:
+            return _in_space(model, term, base)
+    return None
+
+
+def _in_the_plane(model: Model, part: slice) -> Bodies:
+    assert model.machine is not None  # the term of the base parameters refuses such a model
+    geometry = Geometry.of(model.machine)
+    lagrangian = lagrangian_from_standard(geometry)
+    mass = STANDARD_PARAMETERS.index("m_TG")
+    none = lagrangian[8:] - geometry.telescope_offset * np.eye(12)[[mass]]
+    moments = np.zeros((4, 3, 3))
+    moments[0, 2, 2] = moments[1, 0, 2] = moments[2, 1, 2] = 1.0
+    moments[3, [0, 1], [0, 1]] = 1.0
+    no_rotors, exist = np.zeros((8, 0)), np.ones(3, dtype=bool)
+    return Bodies(part, BODIES, moments, lagrangian[:8], none, no_rotors, np.ones(3), exist)
+
+
+def _in_space(model: Model, term: Term, base: np.ndarray) -> Bodies:
+    machine = model.machine
+    assert machine is not None  # a term of bodies refuses such a model
+    names = tuple(joint.name for joint in machine.joints)
+    chain = machine.chain
+    links = np.linalg.norm([*chain.translation[1:], chain.tip_translation], axis=1)
+    length = float(links.mean()) or 1.0
+    ten = [f"{quantity}.{name}" for name in names for quantity in PER_BODY]
+    zero = [ten.index(name) for name in term.zero_moments]
+    # A body without mass, or without inertia about an axis, is at the edge of what there can be.
+    definite = np.ones(len(names), dtype=bool)
+    definite[[i // 10 for i in zero if PER_BODY[i % 10] in ("m", "Ixx", "Iyy", "Izz")]] = False
+    return Bodies(
+        model.part(term),
+        names,
+        TEN_FROM_PSEUDO_INERTIA,
+        base,
+        np.eye(len(ten))[zero],
+        _hidden_rotors(model, term, machine),
+        np.array([length, length, length, 1.0]),
+        definite,
+    )
+
+
+def _hidden_rotors(model: Model, term: Term, machine: Machine) -> np.ndarray:
+    """(r, l) parameters of the bodies of `term` that a rotor of 1 kg m² is taken for."""
+    lacking = [
+        joint
+        for joint in machine.rotors
+        if joint in model.joints and RotorInertia(joint=joint) not in model.terms
+    ]
+    motion = np.random.default_rng(0).standard_normal((3, ROTOR_STATES, len(model.joints)))
+    record = Record(model.joints, np.arange(float(ROTOR_STATES)), *motion)
+    columns = term.columns(record, model.setting)
+    taken = np.zeros((columns.shape[2], 0))
+    for joint in lacking:
+        try:
+            rotor = RotorInertia(joint=joint).columns(record, model.setting)
+        except ConfigurationError:  # it also turns with joints that the model lacks
+            continue
+        alike = np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), rotor.ravel(), rcond=None)[0]
+        if np.linalg.norm(columns @ alike - rotor[:, :, 0]) < ROTOR_TOLERANCE * np.linalg.norm(
+            rotor
+        ):
+            taken = np.column_stack([taken, alike])
+    return taken
 
 
 def consistent(
@@ -104,10 +279,10 @@ def _constrained(
         part = physics.bodies.part
         ours, divergence, variables = _of_bodies(physics.bodies, squares, prior, constraints)
         scaled = cvxpy.hstack([scaled[: part.start], ours, scaled[part.stop :]])
-    for one in physics.inequalities:
-        share = one.weights * units
+    for inequality in physics.inequalities:
+        share = inequality.weights * units
         size = np.abs(share).max()
-        constraints[one.name] = share / size @ scaled >= one.least / size
+        constraints[inequality.name] = share / size @ scaled >= inequality.least / size
     distance = squares.triangle @ scaled - squares.target
     problem = cvxpy.Problem(
         cvxpy.Minimize(cvxpy.sum_squares(distance) + divergence), list(constraints.values())
@@ -127,17 +302,18 @@ def _constrained(
         short = max(least - float(np.linalg.eigvalsh(X.value)[0]), 0.0)
         X.value = X.value + short * np.eye(len(X.value))
     values = np.asarray(scaled.value) * units
-    if float(np.sum(distance.value**2)) <= FELT**2:
+    if float(np.sum(distance.value**2)) <= FELT_SIGMAS**2:
         return values, ()
     held = tuple(
         name
         for name, constraint in constraints.items()
-        if name != "axis" and np.abs(constraint.dual_value).max() > FELT
+        if name != "axis" and np.abs(constraint.dual_value).max() > FELT_SIGMAS
     )
-    for one in physics.inequalities:
-        (which,) = np.nonzero(one.weights)
-        if one.name in held and len(which) == 1:  # the solver rests near the bound, not on it
-            values[which] = one.least / one.weights[which]
+    for inequality in physics.inequalities:
+        (which,) = np.nonzero(inequality.weights)
+        # the solver rests near the bound, not on it
+        if inequality.name in held and len(which) == 1:
+            values[which] = inequality.least / inequality.weights[which]
     return values, held
 
 
@@ -150,7 +326,9 @@ def _squares(rows: Rows, weights: np.ndarray, free: Fit, prior: Prior | None) ->
     units = size / np.where(norms > 0.0, norms, 1.0)
     residual = force - matrix @ free.values
     deviation = np.sqrt(residual @ residual / (len(residual) - matrix.shape[1]))
-    deviation = max(float(deviation), CLEAN * size / np.sqrt(len(force)), np.finfo(float).tiny)
+    deviation = max(
+        float(deviation), LEAST_RESIDUAL_SHARE * size / np.sqrt(len(force)), np.finfo(float).tiny
+    )
     excess = 1.0
     if free.beforehand is not None and prior is not None:
         excess = float(np.linalg.norm(free.beforehand[0]) / np.linalg.norm(prior.matrix)) ** 2
@@ -177,9 +355,9 @@ def _of_bodies(
     equal = np.concatenate(
         [np.einsum("sij,ij->s", bodies.moments, np.diag(bodies.size**2)) for _ in bodies.names]
     )
-    mass, smallest = HUNDREDS, SMALLEST / HUNDREDS
+    mass, smallest = PLANAR_MASS_UNIT_KG, LEAST_EIGENVALUE_IN_PLANE / PLANAR_MASS_UNIT_KG
     if bodies.in_space:
-        smallest = SMALLEST_IN_SPACE
+        smallest = LEAST_EIGENVALUE_IN_SPACE
         made = squares.triangle[:, bodies.part] @ (bodies.base @ equal / units)
         mass = squares.force / max(float(np.linalg.norm(made)), np.finfo(float).tiny)
     known = None if prior is None else prior.bodies
@@ -190,7 +368,7 @@ def _of_bodies(
         if known is not None:
             factor = np.linalg.cholesky(known.pseudo_inertia[i])
         X = cvxpy.Variable((len(factor), len(factor)), symmetric=True)
-        moments = np.array([factor.T @ each @ factor for each in bodies.moments])
+        moments = np.array([factor.T @ moment @ factor for moment in bodies.moments])
         least = smallest * bodies.definite[i]
         if bodies.in_space and bodies.definite[i]:
             variables.append((X, least))
@@ -200,7 +378,7 @@ def _of_bodies(
             divergence += weight * (cvxpy.trace(X) - cvxpy.log_det(X) - len(factor))
             continue
         constraints[f"pseudo-inertia of {name}"] = X >> least * np.eye(len(factor))
-        constraints[f"mass of {name}"] = X[-1, -1] <= HEAVIEST
+        constraints[f"mass of {name}"] = X[-1, -1] <= LARGEST_MASS
     all_of_them = cvxpy.hstack(standard)
     size = mass * float(np.abs(equal).max())
     if len(bodies.none):
@@ -219,19 +397,19 @@ def _bounded(squares: _Squares, bounds: Sequence[Inequality]) -> tuple[np.ndarra
     triangle, target, units, *_ = squares
     least, most = np.full((2, len(units)), [[-np.inf], [np.inf]])
     names: dict[tuple[int, int], str] = {}
-    for one in bounds:
-        (k,) = np.flatnonzero(one.weights)
-        limit, side = one.least / one.weights[k] / units[k], -int(np.sign(one.weights[k]))
+    for bound in bounds:
+        (k,) = np.flatnonzero(bound.weights)
+        limit, side = bound.least / bound.weights[k] / units[k], -int(np.sign(bound.weights[k]))
         if side < 0:
             least[k] = max(least[k], limit)
         else:
             most[k] = min(most[k], limit)
-        names[int(k), side] = one.name
+        names[int(k), side] = bound.name
     found = lsq_linear(triangle, target, (least, most), method="bvls")
     rest = triangle @ found.x - target
-    if rest @ rest <= FELT**2:
+    if rest @ rest <= FELT_SIGMAS**2:
         return found.x * units, ()
-    pressing = np.abs(2.0 * triangle.T @ rest) > FELT
+    pressing = np.abs(2.0 * triangle.T @ rest) > FELT_SIGMAS
     held = [
         names[int(k), int(found.active_mask[k])]
         for k in np.flatnonzero(found.active_mask * pressing)

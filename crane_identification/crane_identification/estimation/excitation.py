@@ -15,16 +15,16 @@ from crane_model.model_file import Model
 from crane_model.motion_columns import MotionQuantity
 from crane_model.record import Record
 
-ONE_WAY = 0.02
+ONE_WAY_TIME_SHARE = 0.02
 """Share of the moving time below which a direction counts as not tried."""
-ONE_SPEED = 0.1
+ONE_SPEED_SPREAD = 0.1
 """Standard deviation over mean of the speed below which it counts as one speed: ramps between
 strokes that the smoother rounds off have as much, and viscous friction read off them is wrong."""
-NARROW = 0.1
+NARROW_RANGE_SHARE = 0.1
 """Share of a joint's range (Table 2) below which it counts as hardly moved."""
-ACTS = 0.1
+ACTING_FORCE_SHARE = 0.1
 """A parameter acts on the joints whose force it changes by this share of its largest effect."""
-STATES = 200
+RANDOM_STATES = 200
 """Random states that show which columns depend on each other in any motion."""
 
 _ALIKE_AT_ONE_SPEED = (
@@ -58,11 +58,14 @@ def redundancies(model: Model) -> tuple[Redundancy, ...]:
     low, high = -np.ones(joints), np.ones(joints)
     if model.machine is not None:
         limits = [model.machine.limits[joint] for joint in model.joints]
-        low = np.array([one.position_min for one in limits])
-        high = np.array([one.position_max for one in limits])
-    position = rng.uniform(low, high, (STATES, joints))
+        low = np.array([limit.position_min for limit in limits])
+        high = np.array([limit.position_max for limit in limits])
+    position = rng.uniform(low, high, (RANDOM_STATES, joints))
     record = Record(
-        model.joints, np.arange(float(STATES)), position, *rng.normal(size=(2, *position.shape))
+        model.joints,
+        np.arange(float(RANDOM_STATES)),
+        position,
+        *rng.normal(size=(2, *position.shape)),
     )
     names: list[str] = []
     parts = []
@@ -102,8 +105,8 @@ def redundancies(model: Model) -> tuple[Redundancy, ...]:
     return tuple(found)
 
 
-def _combination(first: str, others: Mapping[str, float]) -> str:
-    more = [f" {'-' if f < 0.0 else '+'} {plain(abs(f), 4)} {name}" for name, f in others.items()]
+def _combination(first: str, weights: Mapping[str, float]) -> str:
+    more = [f" {'-' if f < 0.0 else '+'} {plain(abs(f), 4)} {name}" for name, f in weights.items()]
     return "".join([first, *more])
 
 
@@ -116,12 +119,16 @@ def undetermined_in_words(
 
     `reasons` gives what the recordings did not excite of parameters that other motions separate.
     """
-    structural = [one for one in redundancies(model) if set(one.parameters) & set(undetermined)]
-    redundant = {name for one in structural for name in one.parameters}
+    structural = [
+        redundancy
+        for redundancy in redundancies(model)
+        if set(redundancy.parameters) & set(undetermined)
+    ]
+    redundant = {name for redundancy in structural for name in redundancy.parameters}
     sentences = [
-        f"{one}. Take one of their terms out of the model, or give a prior (--prior); no other "
-        "motion helps"
-        for one in structural
+        f"{redundancy}. Take one of their terms out of the model, or give a prior (--prior); no "
+        "other motion helps"
+        for redundancy in structural
     ]
     if rest := [name for name in undetermined if name not in redundant]:
         seen = f": {'; '.join(reasons(rest))}" if reasons(rest) else ""
@@ -154,7 +161,7 @@ def at_one_speed(model: Model, products: np.ndarray) -> dict[str, tuple[str, ...
             first, second = places[constant], places[growing]
             power = products[j, first, first] * products[j, second, second]
             common = products[j, first, second] ** 2
-            if power > 0.0 and power - common < ONE_SPEED**2 * common:
+            if power > 0.0 and power - common < ONE_SPEED_SPREAD**2 * common:
                 found[joint] = (*found.get(joint, ()), names[first], names[second])
     return found
 
@@ -174,7 +181,7 @@ def too_little(
 def products_of(rows: Rows) -> np.ndarray:
     """ΦᵀΦ of the used rows of each joint: (j, p, p)."""
     columns = [rows.matrix[rows.used[:, j], j] for j in range(len(rows.joints))]
-    return np.array([each.T @ each for each in columns])
+    return np.array([matrix.T @ matrix for matrix in columns])
 
 
 def _acts(rows: Rows, joint: str, names: Sequence[str]) -> bool:
@@ -182,8 +189,12 @@ def _acts(rows: Rows, joint: str, names: Sequence[str]) -> bool:
     j = rows.joints.index(joint)
     for name in names:
         column = rows.norms(rows.matrix[:, :, rows.names.index(name)])
-        own = column[j] > ACTS * column.max() if column.any() else name.endswith(f".{joint}")
-        if own:
+        acts = (
+            column[j] > ACTING_FORCE_SHARE * column.max()
+            if column.any()
+            else name.endswith(f".{joint}")
+        )
+        if acts:
             return True
     return False
 
@@ -196,16 +207,16 @@ def _reason(model: Model, preparations: Sequence[Preparation], joint: str, one_s
     if not len(velocity):
         return "moves at no time, or no faster than its velocity can be told from standstill"
     up = float((velocity > 0.0).mean())
-    if min(up, 1.0 - up) < ONE_WAY:
+    if min(up, 1.0 - up) < ONE_WAY_TIME_SHARE:
         way = "up" if up > 0.5 else "down"
         return f"moves {way} in {max(up, 1.0 - up):.0%} of its motion; move it both ways"
     speed = np.abs(velocity)
-    if one_speed or speed.std() < ONE_SPEED * speed.mean():
+    if one_speed or speed.std() < ONE_SPEED_SPREAD * speed.mean():
         return f"moves at one speed, {speed.mean():.3g} {unit}/s; move it at several"
     width = float(np.ptp(position))
     if model.machine is not None:
         limits = model.machine.limits[joint]
         whole = limits.position_max - limits.position_min
-        if width < NARROW * whole:
+        if width < NARROW_RANGE_SHARE * whole:
             return f"moves within {width:.3g} {unit} of its {whole:.3g} {unit}; use more of it"
     return f"moves within {width:.3g} {unit} and up to {speed.max():.3g} {unit}/s, too much alike"

@@ -16,13 +16,15 @@ from crane_identification.estimation.autoregression import (
     lack_of_fit,
     restricted_likelihood,
 )
-from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.prior import Prior
 from crane_identification.estimation.regression import (
+    Estimate,
+    Fit,
     Rows,
     balance,
     balancing,
     check,
+    describe,
     solve,
     solve_weighted,
 )
@@ -30,12 +32,17 @@ from crane_identification.options import Covariance
 from crane_model.base_parameters import reveal_rank
 from crane_model.errors import DataError
 
-# How uncertain least-squares estimates are, under three assumptions about the residual.
-
-NOISE = 0.01
+LEAST_NOISE_PROBABILITY = 0.01
 """Probability of noise leaving such a residual, above which it is taken for noise."""
 
-COVERED = 0.975  # below the upper end of an interval of two standard deviations
+COVERED_QUANTILE = 0.975  # below the upper end of an interval of two standard deviations
+UNSEEN_FORCE_SHARE = 1.0
+"""A parameter is not determined if one standard deviation of it changes the force, on some joint,
+by as much as the whole measured force."""
+HUBER, BISQUARE = 1.345, 4.685  # standard deviations
+NORMAL = 1.4826  # standard deviation over median absolute deviation of normal noise
+ROBUST_PASSES = 100
+SAME_RESIDUAL = 1e-6  # change of the residuals, in scales
 
 
 def white(residual: np.ndarray, bread: np.ndarray, assumption: Covariance) -> np.ndarray:
@@ -67,7 +74,7 @@ def meat(rows: Rows, weights: np.ndarray, values: np.ndarray, assumption: Covari
     residual = spread * rows.residual(values)
     if assumption is Covariance.CORRELATED:
         joints = noise_of_joints(rows, spread, residual, lack_of_fit(rows, values))
-        return np.sum([one.meat for one in joints], axis=0)
+        return np.sum([noise.meat for noise in joints], axis=0)
     columns = rows.stacked * spread[rows.used][:, None]
     unit = np.eye(len(values))
     return columns.T @ columns * white(residual[rows.used], unit, assumption)[0, 0]
@@ -80,13 +87,13 @@ def correlated(joints: Sequence[NoiseOfJoint], bread: np.ndarray) -> np.ndarray:
     freedom of each parameter from those of the joints that its variance comes from (Satterthwaite
     1946).
     """
-    parts = np.array([bread @ one.meat @ bread for one in joints])
+    parts = np.array([bread @ noise.meat @ bread for noise in joints])
     variances = np.diagonal(parts, axis1=1, axis2=2)
     covariance, total = parts.sum(axis=0), variances.sum(axis=0)
-    freedom = np.array([one.freedom for one in joints])
+    freedom = np.array([noise.freedom for noise in joints])
     uncertain = (variances**2 / freedom[:, np.newaxis]).sum(axis=0)
     known = np.divide(total**2, uncertain, out=np.full_like(total, np.inf), where=uncertain > 0.0)
-    wider = student.ppf(COVERED, known) / normal.ppf(COVERED)
+    wider = student.ppf(COVERED_QUANTILE, known) / normal.ppf(COVERED_QUANTILE)
     widened: np.ndarray = covariance * wider * wider[:, np.newaxis]
     return widened
 
@@ -118,20 +125,28 @@ def noise_of_joints(
             covariance = likely = noise.autocovariance(lags)
             freedom = float(left.freedom[j] + left.noise_freedom[j])
         else:
-            own = list(reveal_rank(columns[used]).independent)
-            regression = _by_run(columns[:, own], runs), _by_run(force, runs), _by_run(used, runs)
+            independent = list(reveal_rank(columns[used]).independent)
+            regression = (
+                _by_run(columns[:, independent], runs),
+                _by_run(force, runs),
+                _by_run(used, runs),
+            )
             power = float((residual[used, j] ** 2).mean())
             likely, covariance = (
                 known * max(1.0, power / known[0]) if known[0] > 0.0 else known
                 for known in autocovariances(*regression, lags, power)
             )
-            free = 1.0 - len(own) / int(used.sum())
+            free = 1.0 - len(independent) / int(used.sum())
             freedom = free * _independent(covariance, [int(used[run].sum()) for run in runs])
         cautious, probable = (
             np.sum(
-                [columns[r].T @ matmul_toeplitz(one[: len(r)], columns[r]) for r in runs], axis=0
+                [
+                    columns[r].T @ matmul_toeplitz(autocovariance[: len(r)], columns[r])
+                    for r in runs
+                ],
+                axis=0,
             )
-            for one in (covariance, likely)
+            for autocovariance in (covariance, likely)
         )
         found.append(NoiseOfJoint(cautious, probable, max(freedom, 1.0)))
     return found
@@ -153,17 +168,17 @@ def _shown_by_scatter(
     rows: Rows, weight: np.ndarray, left: LackOfFit, j: int
 ) -> Autoregression | None:
     """The noise of the weighted mean force of joint j; None if the residual is not that noise."""
-    if not left.p_value[j] > NOISE:
+    if not left.p_value[j] > LEAST_NOISE_PROBABILITY:
         return None
-    longest = max(one.shape[1] for one in rows.scatter)
+    longest = max(deviation.shape[1] for deviation in rows.scatter)
     deviations, used = [], []
     for run, deviation in enumerate(rows.scatter):
-        own = rows.run == run
+        in_run = rows.run == run
         padding = (0, longest - deviation.shape[1])
         # The deviations of M periods hold M - 1 independent ones, each of the variance of a period.
         contrasts = helmert(len(deviation)) @ deviation[:, :, j] / np.sqrt(len(deviation))
-        deviations.append(np.pad(contrasts * weight[own], ((0, 0), padding)))
-        used.append(np.tile(np.pad(rows.used[own, j], padding), (len(contrasts), 1)))
+        deviations.append(np.pad(contrasts * weight[in_run], ((0, 0), padding)))
+        used.append(np.tile(np.pad(rows.used[in_run, j], padding), (len(contrasts), 1)))
     force, known = np.concatenate(deviations), np.concatenate(used)
     noise = restricted_likelihood(np.zeros((*force.shape, 0)), force, known, rows.filtered)
     if noise is None:
@@ -183,10 +198,6 @@ def _by_run(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
 
 
 # Least squares (30)-(31) by orthogonal decomposition, with weights, rank check and uncertainty.
-
-UNSEEN = 1.0
-"""A parameter is not determined if one standard deviation of it changes the force, on some joint,
-by as much as the whole measured force."""
 
 
 def least_squares(
@@ -250,7 +261,7 @@ def spread_of(
     residual = weights * rows.residual(values)
     if covariance is Covariance.CORRELATED:
         joints = noise_of_joints(rows, weights, residual, lack_of_fit(rows, values))
-        likely = bread @ np.sum([one.likely for one in joints], axis=0) @ bread
+        likely = bread @ np.sum([noise.likely for noise in joints], axis=0) @ bread
         return Spread(correlated(joints, bread), likely)
     found = white(residual[rows.used], bread, covariance)
     return Spread(found, found)
@@ -261,7 +272,7 @@ def _seen(rows: Rows, covariance: np.ndarray) -> np.ndarray:
     std_devs = np.sqrt(np.diag(covariance))
     columns = np.stack([rows.rms(rows.matrix[:, :, k]) for k in range(len(rows.names))])
     force = rows.rms(rows.force)
-    hidden = (columns * std_devs[:, None] > UNSEEN * force) & (columns > 0.0)
+    hidden = (columns * std_devs[:, None] > UNSEEN_FORCE_SHARE * force) & (columns > 0.0)
     return np.asarray(~hidden.any(axis=1))
 
 
@@ -302,14 +313,14 @@ def whiten(rows: Rows) -> Rows:
     matrix, force = np.zeros_like(rows.matrix), np.zeros_like(rows.force)
     scatter = []
     for run, deviation in enumerate(rows.scatter):
-        covariance, own = noise_between_joints(rows, run), np.flatnonzero(rows.run == run)
+        covariance, instants = noise_between_joints(rows, run), np.flatnonzero(rows.run == run)
         whitened = np.zeros_like(deviation)
-        for pattern in np.unique(rows.used[own], axis=0):
+        for pattern in np.unique(rows.used[instants], axis=0):
             joints = np.flatnonzero(pattern)
-            within = np.flatnonzero((rows.used[own] == pattern).all(axis=1))
+            within = np.flatnonzero((rows.used[instants] == pattern).all(axis=1))
             root = _root(covariance[np.ix_(joints, joints)], run)
             inverse = solve_triangular(root, np.eye(len(joints)), lower=True)
-            cells = np.ix_(own[within], joints)
+            cells = np.ix_(instants[within], joints)
             matrix[cells] = np.einsum("ij,njp->nip", inverse, rows.matrix[cells])
             force[cells] = rows.force[cells] @ inverse.T
             every = np.arange(len(deviation))
@@ -372,10 +383,6 @@ def instrumental(
 # Tukey's bisquare (Beaton and Tukey 1974) from a start by Huber's loss, which has one minimum only;
 # both with the usual constants, 95 % efficient on normal noise.
 
-HUBER, BISQUARE = 1.345, 4.685  # standard deviations
-NORMAL = 1.4826  # standard deviation over median absolute deviation of normal noise
-PASSES = 100
-SAME = 1e-6  # change of the residuals, in scales
 
 Loss = Callable[[np.ndarray], np.ndarray]
 """Weight ψ(u)/u of residuals u, counted in scales."""
@@ -414,11 +421,11 @@ def robust(rows: Rows, covariance: Covariance = Covariance.CORRELATED) -> Estima
 def _reweighted(rows: Rows, loss: Loss, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Θ and the scale (j,) of the residuals, repeated until neither moves."""
     u = np.zeros_like(rows.force)
-    for _ in range(PASSES):
+    for _ in range(ROBUST_PASSES):
         before = u
         values = solve_weighted(rows, np.sqrt(loss(u)) / scale).values
         u = rows.residual(values) / scale
-        if np.abs(u - before).max() < SAME:
+        if np.abs(u - before).max() < SAME_RESIDUAL:
             break
         scale = _scale(rows, values)
     return values, scale

@@ -196,8 +196,8 @@ def _of_bodies(
         tensors = pseudo_inertia(mean.reshape(-1, 10))
         if thin := [
             joint.name
-            for joint, one in zip(machine.joints, listed, strict=True)
-            if one.second_moments[0] <= THIN * one.second_moments[-1]
+            for joint, body in zip(machine.joints, listed, strict=True)
+            if body.second_moments[0] <= THIN * body.second_moments[-1]
         ]:
             raise ConfigurationError(
                 f"{path}: bodies: {', '.join(thin)}: measure {measure} needs bodies with an extent "

@@ -11,11 +11,11 @@ from crane_identification.estimation.prior import Prior
 from crane_identification.estimation.regression import Rows, balancing, solve, solve_weighted
 from crane_identification.options import Covariance
 
-LEFT_OUT = 1e-3
+LEAST_SPAN_LEFT = 1e-3
 """Weight of an entry that is left out: too small to matter beside data, enough to keep a parameter
 that nothing else determines."""
-DEPENDENT = 1e-12
-OVERLAP = 1e-6
+DEPENDENT_POWER = 1e-12
+LEAST_SPAN_SHARED = 1e-6
 """Share of a direction that must not belong to other bodies for it to count as a body's own."""
 CHANCE = 1e-3
 """Probability of so large a difference by chance, below which an entry is contradicted."""
@@ -144,13 +144,13 @@ class _PriorCheck:
         matrix, values = self._prior.matrix, self._prior.values
         if left_out:
             span = self._span(left_out)
-            kept = np.eye(len(matrix)) - (1.0 - LEFT_OUT) * span @ span.T
+            kept = np.eye(len(matrix)) - (1.0 - LEAST_SPAN_LEFT) * span @ span.T
             matrix, values = kept @ matrix, kept @ values
         size = np.sqrt(self._excess)
         found = solve(
             np.vstack([self._matrix, size * matrix]),
             np.concatenate([self._force, size * values]),
-            DEPENDENT,
+            DEPENDENT_POWER,
         )
         carried = size * found.bread @ matrix.T
         noise = found.bread @ self._noise @ found.bread
@@ -159,10 +159,10 @@ class _PriorCheck:
     def difference(self, k: int, left_out: set[int]) -> _Difference:
         """Entry k against all others but those `left_out`, in directions that are its own."""
         span = self._prior.entries[k].span
-        if others := left_out - {k}:
-            taken = self._span(others)
+        if rest := left_out - {k}:
+            taken = self._span(rest)
             left, sizes, _ = np.linalg.svd(span - taken @ (taken.T @ span), full_matrices=False)
-            span = left[:, sizes > OVERLAP]
+            span = left[:, sizes > LEAST_SPAN_SHARED]
         if not span.shape[1]:
             return _Difference(0.0, 1)
         found = self._posterior(left_out | {k})

@@ -6,8 +6,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from crane_identification.preparation.averaging import noise_of_mean
-from crane_identification.preparation.run import Preparation
+from crane_identification.preparation.run import Preparation, noise_of_mean
 from crane_identification.signals.decimate import (
     UNFILTERED,
     decimate,
@@ -21,13 +20,13 @@ from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
 
-# The overdetermined system (29): stacked rows of regressor and force, and how it is solved.
-
 RANK_TOLERANCE = 1e-9
 CONTAINED = 1e-6  # share of a dependent column's norm above which another is part of it
-PASSES = 50
+BALANCE_PASSES = 50
 SAME_WEIGHTS = 1e-3  # relative change
-ROUNDING = 1e-12  # share of the forces below which a residual is rounding, not noise
+RESIDUAL_ROUNDING = 1e-12  # share of the forces below which a residual is rounding, not noise
+LEAST_OPEN_SHARE = 0.5
+"""A filtered row is used if at least this share of what the filter saw was let through."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class Rows:
             np.concatenate([part.matrix for part in parts]),
             np.concatenate([part.force for part in parts]),
             np.concatenate([part.used for part in parts]),
-            tuple(one for part in parts for one in part.scatter),
+            tuple(deviation for part in parts for deviation in part.scatter),
             first.filtered,
         )
 
@@ -95,7 +94,7 @@ class Rows:
     def repeated(self) -> bool:
         """Whether every recording has at least two periods, whose scatter shows the noise."""
         runs = len(np.unique(self.run))
-        return len(self.scatter) == runs and all(len(one) > 1 for one in self.scatter)
+        return len(self.scatter) == runs and all(len(deviation) > 1 for deviation in self.scatter)
 
     def residual(self, values: np.ndarray) -> np.ndarray:
         """tau - Phi Theta (n, j); 0 where a row is not used."""
@@ -189,16 +188,12 @@ def balance(
     square, none counts more than another.
     """
     weights = np.ones(joints)
-    floor = np.where(force > 0.0, ROUNDING * force, 1.0)
-    for _ in range(PASSES if joints > 1 else 0):
+    floor = np.where(force > 0.0, RESIDUAL_ROUNDING * force, 1.0)
+    for _ in range(BALANCE_PASSES if joints > 1 else 0):
         before, weights = weights, 1.0 / np.maximum(residuals(weights), floor)
         if (np.abs(np.log(weights / before)) < SAME_WEIGHTS).all():
             break
     return weights
-
-
-OPEN = 0.5
-"""A filtered row is used if at least this share of what the filter saw was let through."""
 
 
 def common_factor(preparations: Sequence[Preparation], given: int | None = None) -> int:
@@ -208,7 +203,7 @@ def common_factor(preparations: Sequence[Preparation], given: int | None = None)
     """
     if given is not None:
         return given
-    return min(_factor(one) for one in preparations)
+    return min(_factor(preparation) for preparation in preparations)
 
 
 def _factor(preparation: Preparation) -> int:
@@ -231,7 +226,7 @@ def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:
     gate = preparation.moving.astype(float)
     matrix = _columns(model, preparation, record, factor)
     deviation = (preparation.periods - preparation.periods.mean(axis=0)) * preparation.moving
-    scatter = np.stack([decimate(one, factor, preparation.periodic) for one in deviation])
+    scatter = np.stack([decimate(period, factor, preparation.periodic) for period in deviation])
     kept = decimation_rows(len(gate), factor)
     return Rows(
         joints=model.joints,
@@ -241,7 +236,7 @@ def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:
         run=np.zeros(len(kept), dtype=int),
         matrix=matrix,
         force=decimate(record.force * gate, factor, preparation.periodic),
-        used=decimate(gate, factor, preparation.periodic) > OPEN,
+        used=decimate(gate, factor, preparation.periodic) > LEAST_OPEN_SHARE,
         scatter=(scatter,),
         filtered=filtered_noise(factor),
     )
@@ -270,5 +265,108 @@ def noise_floor(preparation: Preparation, factor: int) -> np.ndarray:
 
     From the scatter between periods, so free of any model; NaN without two periods.
     """
-    periods = np.stack([decimate(one, factor, preparation.periodic) for one in preparation.periods])
+    periods = np.stack(
+        [decimate(period, factor, preparation.periodic) for period in preparation.periods]
+    )
     return noise_of_mean(periods, np.ones(periods.shape[1:], dtype=bool))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimated parameters Θ with their uncertainty.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+        Names and units of the p parameters.
+    joints : tuple of str
+        Names of the j joints.
+    values, std_devs : ndarray, shape (p,)
+        Estimates and standard deviations in `units`; NaN if not determined.
+    covariance : ndarray, shape (p, p)
+        Covariance of the estimates.
+    undetermined : tuple of str
+        Parameters of which only combinations are seen, or nothing beyond the noise.
+    condition_number, condition_number_normalized : float
+        Condition number of Φ in SI units, and with each column scaled to norm 1.
+    residual_rms : ndarray, shape (j,)
+        Root mean square residual of the used rows [N m or N].
+    relative_error : ndarray, shape (j,)
+        ‖τ - ΦΘ‖/‖τ‖ over the used rows.
+    samples : int
+        Number of used rows.
+    method : str
+        How values and standard deviations were obtained.
+    bounds : tuple of str
+        Physical constraints that hold the values back.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    joints: tuple[str, ...]
+    values: np.ndarray
+    std_devs: np.ndarray
+    covariance: np.ndarray
+    undetermined: tuple[str, ...]
+    condition_number: float
+    condition_number_normalized: float
+    residual_rms: np.ndarray
+    relative_error: np.ndarray
+    samples: int
+    method: str
+    bounds: tuple[str, ...] = ()
+
+    @property
+    def relative_std_devs(self) -> np.ndarray:
+        """Standard deviation over magnitude of each parameter (p,)."""
+        with np.errstate(divide="ignore"):  # of a value that rests on its bound, 0
+            return self.std_devs / np.abs(self.values)
+
+
+class Fit(NamedTuple):
+    """`values` (p,), their `covariance` (p, p), and which of them are `determined` (p,).
+
+    `beforehand` are the rows of a prior as they stand under the weighted rows: (k, p), (k,).
+    """
+
+    values: np.ndarray
+    covariance: np.ndarray
+    determined: np.ndarray
+    beforehand: tuple[np.ndarray, np.ndarray] | None = None
+
+
+def describe(rows: Rows, fit: Fit, method: str, bounds: tuple[str, ...] = ()) -> Estimate:
+    """The estimate that `fit` makes on `rows` as they were measured."""
+    values, spread, determined, _ = fit
+    residual = rows.residual(values)
+    raw, normalized = condition_numbers(rows.stacked)
+    spread = np.where(determined[:, None] & determined, spread, np.nan)
+    return Estimate(
+        names=rows.names,
+        units=rows.units,
+        joints=rows.joints,
+        values=np.where(determined, values, np.nan),
+        std_devs=np.sqrt(np.diag(spread)),
+        covariance=spread,
+        undetermined=tuple(np.array(rows.names)[~determined].tolist()),
+        condition_number=raw,
+        condition_number_normalized=normalized,
+        residual_rms=rows.rms(residual),
+        relative_error=relative(rows.norms(residual), rows.norms(rows.force)),
+        samples=rows.samples,
+        method=method,
+        bounds=bounds,
+    )
+
+
+def condition_numbers(stacked: np.ndarray) -> tuple[float, float]:
+    """Condition number of columns (N, p) as they are, and with each scaled to norm 1."""
+    norms = np.linalg.norm(stacked, axis=0)
+    if not norms.all():
+        return np.inf, np.inf
+    return float(np.linalg.cond(stacked)), float(np.linalg.cond(stacked / norms))
+
+
+def relative(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    """part / whole, NaN where there is nothing to compare with."""
+    return np.divide(part, whole, out=np.full_like(whole, np.nan), where=whole > 0)

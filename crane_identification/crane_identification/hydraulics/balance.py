@@ -10,20 +10,35 @@ Reversals are rows like others. It is linear in the gains of the four metering e
 1/beta, V_0A/beta and V_0B/beta.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
 from scipy import signal
+from scipy.interpolate import CubicSpline
 
-from crane_identification.hydraulics.passage import Passage
+from crane_identification.data.log import Log, Signal
+from crane_identification.data.resample import LARGEST_GAP, sampling_rate
+from crane_identification.signals.motion import encoder_resolution
 from crane_model.actuators import HydraulicActuator
+from crane_model.cylinders import cylinder_length, lever_arm
+from crane_model.errors import DataError
+from crane_model.flow import EDGES
 from crane_model.hydraulics.stepping import openings, roots, spool_course, trailing
+from crane_model.machine import Machine
 
+LEAST_FLOW_RUN_S = 3.0  # s; of what is shorter, the filter sees little but its ends
+LEAST_FLOW_TIME_S = 8.0  # s of motion in either direction
+STILL = 0.02  # of the fastest piston speed; below it a joint counts as at rest
+FLOW_PRESSURES = ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
+COMMON = ("supply_pressure", "tank_pressure")  # of all joints; nominal where they are not logged
+VALVE_MOTION = ("position", "command")
+FLOW_SIGNALS = (*VALVE_MOTION, *FLOW_PRESSURES)
 CUT_OFF = 4.0  # Hz: what the machine moves at lies below, most of the noise above
-ORDER = 4
+FLOW_FILTER_ORDER = 4
 WHITENED = 0.5  # Hz, above which differences of white noise are made white again
 ROW_RATE = 16.0  # Hz of rows, where the filter has left next to nothing above half of that
 SPOILT = 0.5  # s at both ends of a passage that the filter's memory spoils
@@ -31,9 +46,172 @@ FINE = 5  # steps of the spool a sample
 LEAST_PRESSURE = 1e5  # Pa above the tank's; a chamber below is about to be empty and draws oil
 DAMPING_RATIO = 0.8  # of the spool; from slow motion only (2 D^2 - 1)/w^2 can be told
 FASTEST = 1e-4  # s, 1/w of a spool that cannot be told from an immediate one
-EDGES = ("supply_a", "a_tank", "supply_b", "b_tank")
 LINEAR = (*EDGES, "leakage", "compliance", "softness_a", "softness_b")
 """Names of the columns: compliance 1/beta, softness V_0/beta of each chamber."""
+
+
+def between_counts(time: np.ndarray, reading: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Positions (m,) at the times `at` (m,), in counts, from readings (n,) of counts at `time`.
+
+    While a joint creeps its reading stands, and then changes by a whole count, which is no motion
+    of a whole count: when it changes, the joint is halfway. So these crossings are joined by lines,
+    with the readings that differ from those before and behind.
+    """
+    stands = np.abs(np.diff(reading)) < 0.5
+    beside = np.pad(stands, 1)  # (n + 1,) before and behind each reading
+    lone = ~(beside[:-1] | beside[1:])
+    lone[[0, -1]] = True
+    crossing = ~stands & (beside[:-2] | beside[2:])
+    times = np.concatenate([time[lone], 0.5 * (time[:-1] + time[1:])[crossing]])
+    places = np.concatenate([reading[lone], 0.5 * (reading[:-1] + reading[1:])[crossing]])
+    order = np.argsort(times)
+    return np.interp(at, times[order], places[order])
+
+
+@dataclass(frozen=True)
+class Passage:
+    """n samples, `step` [s] apart and without a gap; commands (m,) with stamps of their own.
+
+    `length` of the cylinder [m], as `counts` of the encoder tell it, each of which is `resolution`;
+    pressures [Pa]; commands are those of the spool, positive where they let oil into chamber A, and
+    reach back to the start of the recording.
+    """
+
+    source: str
+    step: float
+    time: np.ndarray  # (n,) s
+    length: np.ndarray  # (n,) m
+    counts: np.ndarray  # (n,)
+    resolution: np.ndarray  # (n,) m
+    pressures: Mapping[str, np.ndarray]  # (n,) Pa each, by their names in a log
+    stamps: np.ndarray  # (m,) s
+    commands: np.ndarray  # (m,) -1..1
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def passages(machine: Machine, joint: str, logs: Sequence[Log]) -> list[Passage]:
+    """All parts of the recordings in which everything is known; of a joint without transducers,
+    position and command, and supply and tank pressure where they are logged.
+
+    `DataError` says what was not logged, or that the joint moves too little where all is known.
+    """
+    where = f"hydraulics of '{joint}'"
+    wanted = FLOW_SIGNALS if machine.cylinders[joint].pressure_sensors else VALVE_MOTION
+    if coupled := sorted(machine.seen_by(joint).keys() - {joint}):
+        raise DataError(
+            f"{where}: its actuator moves with {', '.join(coupled)} as well; valves are identified "
+            "of actuators that move one joint"
+        )
+    lacking = {log.source: _lacking(log, joint, wanted) for log in logs}
+    if logs and all(lacking.values()):
+        log = logs[0]
+        raise DataError(
+            f"{where}: {log.source} holds no {', '.join(lacking[log.source])}; record valve "
+            "commands, positions, and the pressures of supply, tank and chambers"
+        )
+    found = [
+        part
+        for log in logs
+        if not lacking[log.source]
+        for part in _parts(machine, joint, log, wanted)
+    ]
+    _require_motion(where, wanted, found, sum(float(np.ptp(log.position.time)) for log in logs))
+    return found
+
+
+def _lacking(log: Log, joint: str, wanted: Sequence[str]) -> list[str]:
+    return [name for name in wanted if _column(log, joint, name) is None]
+
+
+def _column(log: Log, joint: str, name: str) -> Signal | None:
+    """The samples of a signal that hold a number for the joint, (k,); None if there are not two."""
+    apart = joint not in log.joints and name in ("position", "command")
+    signal: Signal | None = getattr(log, f"{joint}_{name}" if apart else name, None)
+    if signal is None:
+        return None
+    value = signal.value if signal.value.ndim == 1 else signal.value[:, log.joints.index(joint)]
+    known = np.isfinite(value)
+    if np.count_nonzero(known) < 2:
+        return None
+    return Signal(signal.time[known], value[known], signal.origin)
+
+
+def _parts(machine: Machine, joint: str, log: Log, wanted: Sequence[str]) -> list[Passage]:
+    signals = {name: _column(log, joint, name) for name in (*wanted, *COMMON)}
+    given = {name: signal for name, signal in signals.items() if signal is not None}
+    step = 1.0 / sampling_rate(given["position"].time)
+    begin = max(signal.time[0] for signal in given.values())
+    end = min(signal.time[-1] for signal in given.values())
+    time = begin + step * np.arange(max(int((end - begin) / step), 0))
+    known = np.ones(len(time), dtype=bool)
+    for measured in given.values():
+        known &= _between_samples(measured.time, time)
+    edges = np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2)
+    position, command = given["position"], given["command"]
+    sense = float(np.sign(lever_arm(machine, joint, position.value).mean()))
+    count = float(encoder_resolution(position.value[:, np.newaxis])[0]) or 1.0  # where it rests
+    length = Signal(position.time, cylinder_length(machine, joint, position.value), position.origin)
+    nominal = machine.hydraulics.model_dump(include=set(COMMON))
+    times = [time[first:last] for first, last in edges if (last - first) * step >= LEAST_FLOW_RUN_S]
+    return [
+        Passage(
+            source=log.source,
+            step=step,
+            time=inside,
+            length=_smooth(length, inside),
+            counts=between_counts(position.time, position.value / count, inside),
+            resolution=count * np.abs(lever_arm(machine, joint, _smooth(position, inside))),
+            pressures={name: np.full(len(inside), value) for name, value in nominal.items()}
+            | {name: _smooth(given[name], inside) for name in given if name in FLOW_PRESSURES},
+            stamps=command.time,
+            commands=sense * command.value,
+        )
+        for inside in times
+    ]
+
+
+def _between_samples(stamps: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """(n,) whether times lie between two stamps that are close enough to tell what was between."""
+    longest = max(LARGEST_GAP, 2.0 * float(np.median(np.diff(stamps))))
+    after = np.searchsorted(stamps, time).clip(1, len(stamps) - 1)
+    return np.asarray(stamps[after] - stamps[after - 1] <= longest)
+
+
+def _smooth(signal: Signal, time: np.ndarray) -> np.ndarray:
+    """At the times (n,), by the cubic spline through the samples at their own stamps."""
+    near = slice(
+        max(int(np.searchsorted(signal.time, time[0])) - 4, 0),
+        int(np.searchsorted(signal.time, time[-1])) + 4,
+    )
+    return np.asarray(CubicSpline(signal.time[near], signal.value[near])(time))
+
+
+def _require_motion(
+    where: str, wanted: Sequence[str], found: Sequence[Passage], recorded: float
+) -> None:
+    speeds = [np.gradient(part.length, part.step) for part in found]
+    fastest = max((float(np.abs(speed).max()) for speed in speeds), default=0.0)
+    out, back = (
+        sum(
+            float((sign * speed > STILL * fastest).sum()) * part.step
+            for part, speed in zip(found, speeds, strict=True)
+        )
+        for sign in (1.0, -1.0)
+    )
+    if min(out, back) < LEAST_FLOW_TIME_S:
+        known = sum(len(part) * part.step for part in found)
+        raise DataError(
+            f"{where}: its cylinder extends for {out:.0f} s and retracts for {back:.0f} s where "
+            f"all is known, {LEAST_FLOW_TIME_S:.0f} s each needed; "
+            + (
+                f"{', '.join(wanted)} are known together for {known:.1f} s of {recorded:.1f} s: "
+                "log them all along"
+                if known < 0.9 * recorded
+                else "record longer, or move it more"
+            )
+        )
 
 
 class SpoolValues(NamedTuple):
@@ -63,7 +241,7 @@ class PassageRows:
         """`gate` (n,) is 1 where the samples count, 0 where not."""
         self.passage = passage
         step = passage.step
-        self._sections = signal.butter(ORDER, CUT_OFF, fs=1.0 / step, output="sos")
+        self._sections = signal.butter(FLOW_FILTER_ORDER, CUT_OFF, fs=1.0 / step, output="sos")
         self._integrating = signal.butter(1, WHITENED, fs=1.0 / step, output="sos")
         cut = int(SPOILT / step)
         self._kept = slice(cut, len(passage) - 2 - cut)
@@ -137,7 +315,7 @@ class ChamberRows(PassageRows):
         )
         self.oil = self._filtered(np.stack([np.stack(pair, axis=1) for pair in oil], axis=2))
         drops = (supply - p_a, p_a - tank, supply - p_b, p_b - tank)
-        self._roots = np.stack([roots(one) for one in drops], axis=1)
+        self._roots = np.stack([roots(drop) for drop in drops], axis=1)
 
     def columns(self, spool: SpoolValues) -> np.ndarray:
         """(n, 2, 8) of LINEAR for 1 of each, before rows are thinned."""
@@ -159,7 +337,8 @@ class ChamberRows(PassageRows):
     def drawn(self, spool: SpoolValues, linear: np.ndarray) -> np.ndarray:
         """(n,) flow out of the supply [m3/s], filtered like the flow."""
         edges = self.flows(spool, self._roots)
-        drawn: np.ndarray = edges[:, 0] * linear[0] + edges[:, 2] * linear[2]
+        a, b = EDGES.index("supply_a"), EDGES.index("supply_b")
+        drawn: np.ndarray = edges[:, a] * linear[a] + edges[:, b] * linear[b]
         return drawn
 
 

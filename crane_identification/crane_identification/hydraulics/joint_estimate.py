@@ -1,10 +1,13 @@
 """The hydraulics of one joint with pressure transducers."""
 
 from collections.abc import Mapping, Sequence
+from math import hypot, sqrt
+from pathlib import Path
 from statistics import fmean
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from crane_identification.data.log import Log
 from crane_identification.hydraulics.balance import (
@@ -15,18 +18,20 @@ from crane_identification.hydraulics.balance import (
     Balance,
     ChamberRows,
     MotionRows,
+    passages,
 )
-from crane_identification.hydraulics.passage import passages
 from crane_identification.hydraulics.projection import (
-    BLOCK,
+    CORRELATED_BLOCK_S,
     BalanceFit,
     block_covariance,
     lack_of_fit,
     project,
 )
+from crane_model.configuration import Positive, Schema, load
+from crane_model.cylinders import lever_arm
 from crane_model.errors import DataError, RangeError
-from crane_model.hydraulics.values import (
-    GAIN,
+from crane_model.hydraulics import (
+    GAIN_UNIT,
     ChamberValues,
     HydraulicValues,
     JointHydraulics,
@@ -39,10 +44,10 @@ from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
 
 LARGEST_UNEXPLAINED = 0.2  # rms share of the flow, beyond which the values mean nothing
-SIGMAS = 4.0  # standard deviations by which a sign is certain
-TINY = 1e-300
-KNOWN = 0.25  # of a value: a larger standard deviation does not determine it
-KNOWN_PART = 0.005  # of the stroke, for dead zones and hysteresis, which may be 0
+SIGN_SIGMAS = 4.0  # standard deviations by which a sign is certain
+LEAST_DENOMINATOR = 1e-300
+DETERMINED_SIGMA_SHARE = 0.25  # of a value: a larger standard deviation does not determine it
+KNOWN_PART = 0.005  # of the stroke, for dead bands and hysteresis, which may be 0
 KNOWN_LEAKAGE = 1e-14  # m3/(s Pa), for a piston that may be tight
 SETTLED_BY = {
     "dead_zone": "slow ramps of the command through zero, both ways",
@@ -59,6 +64,10 @@ SETTLED_BY = {
 
 
 ASSUMED_MODULUS = 1.3e9  # Pa, mineral oil with hoses: where no cylinder of the machine tells
+LARGEST_SLEW = 0.01  # rad: beyond, the slew has drawn oil that nobody measured
+OIL = ("bulk_modulus", "dead_volume_a", "dead_volume_b", "leakage")
+ASSUMED = ("hysteresis", "natural_frequency")
+LEVER_TOLERANCE = 1e-6  # levers of a joint that has one alone
 
 
 class JointFit(NamedTuple):
@@ -107,7 +116,9 @@ def identify_joint(
 
 def undetermined(values: Mapping[str, Measured]) -> dict[str, str]:
     """Names of those that are not known well enough, each with the experiment that tells it."""
-    return {name: settled_by(name) for name, one in values.items() if not _known(name, one)}
+    return {
+        name: settled_by(name) for name, measured in values.items() if not _known(name, measured)
+    }
 
 
 def settled_by(name: str) -> str:
@@ -120,13 +131,13 @@ def settled_by(name: str) -> str:
 def _require_sense(found: BalanceFit, modulus: float | None) -> None:
     """`DataError` where the flow runs against the valve, or the oil grows under pressure."""
     std_devs = np.sqrt(np.diag(found.covariance))[-len(LINEAR) :]
-    sigmas = dict(zip(LINEAR, found.linear / np.maximum(std_devs, TINY), strict=True))
+    sigmas = dict(zip(LINEAR, found.linear / np.maximum(std_devs, LEAST_DENOMINATOR), strict=True))
     remedy = "check sign and log of its command, and that its chambers are not exchanged"
-    if against := [edge for edge in EDGES if sigmas[edge] <= SIGMAS]:
+    if against := [edge for edge in EDGES if sigmas[edge] <= SIGN_SIGMAS]:
         raise DataError(f"the flow does not follow the valve at {', '.join(against)}; {remedy}")
     if modulus is not None:
         del sigmas["compliance"]  # nothing but rounding
-    oil = [name for name in LINEAR[len(EDGES) :] if sigmas.get(name, 0.0) < -SIGMAS]
+    oil = [name for name in LINEAR[len(EDGES) :] if sigmas.get(name, 0.0) < -SIGN_SIGMAS]
     if oil or sigmas.get("compliance", 1.0) <= 0.0:
         raise DataError(
             f"{', '.join(oil or ['compliance'])} of the oil would be negative; {remedy}, or record "
@@ -187,18 +198,18 @@ def _measured(found: BalanceFit, value: float, unit: str, **slopes: float) -> Me
     return Measured(value=max(float(value), 0.0), std_dev=std_dev, unit=unit)
 
 
-def _known(name: str, one: Measured) -> bool:
-    if one.std_dev is None:  # assumed
+def _known(name: str, measured: Measured) -> bool:
+    if measured.std_dev is None:  # assumed
         return True
-    enough = KNOWN * abs(one.value)
+    enough = DETERMINED_SIGMA_SHARE * abs(measured.value)
     if name.startswith("dead_zone") or name == "hysteresis":
         enough = max(enough, KNOWN_PART)
     if name == "leakage":
         enough = max(enough, KNOWN_LEAKAGE)
-    return one.std_dev <= enough
+    return measured.std_dev <= enough
 
 
-# The valve of a joint without pressure transducers: dead zones, gains and lag from its motion.
+# The valve of a joint without pressure transducers: dead bands, gains and lag from its motion.
 
 
 def identify_motion(machine: Machine, joint: str, logs: Sequence[Log]) -> JointHydraulics:
@@ -212,14 +223,14 @@ def identify_motion(machine: Machine, joint: str, logs: Sequence[Log]) -> JointH
     found = project(balance)
     gains = found.linear
     std_devs = np.sqrt(np.diag(found.covariance))[-len(gains) :]
-    if (gains <= SIGMAS * std_devs).any() or found.unexplained > LARGEST_UNEXPLAINED:
+    if (gains <= SIGN_SIGMAS * std_devs).any() or found.unexplained > LARGEST_UNEXPLAINED:
         raise DataError(
             f"hydraulics of '{joint}': its speed does not follow its valve "
             f"({found.unexplained:.0%} unexplained); check sign and log of its command, or record "
             "slow ramps of it both ways"
         )
     forth, back = (
-        Measured(value=float(gain), std_dev=float(std), unit=GAIN)
+        Measured(value=float(gain), std_dev=float(std), unit=GAIN_UNIT)
         for gain, std in zip(gains, std_devs, strict=True)
     )
     values = measured_spool(found)
@@ -247,8 +258,6 @@ def identify_motion(machine: Machine, joint: str, logs: Sequence[Log]) -> JointH
 # A pressure-controlled pump follows within milliseconds, far above what the filter of the balance
 # leaves, so that the volume of the line does not show.
 
-LARGEST_SLEW = 0.01  # rad: beyond, the slew has drawn oil that nobody measured
-
 
 def identify_supply(found: Sequence[JointFit], logs: Sequence[Log]) -> SupplyValues:
     """Pressure and droop; `DataError` where a joint that draws oil is not among those `found`."""
@@ -264,12 +273,12 @@ def identify_supply(found: Sequence[JointFit], logs: Sequence[Log]) -> SupplyVal
         rows = passage[0][1]
         if rows.passage.source not in still:
             continue
-        one, pressure = rows.supply().T
+        unit, pressure = rows.supply().T
         drawn = sum(part.drawn(fit.spool, fit.linear) for fit, part in passage)
         time = rows.thinned(rows.time)
-        columns.append(rows.thinned(np.stack([one, -drawn], axis=1)))
+        columns.append(rows.thinned(np.stack([unit, -drawn], axis=1)))
         pressures.append(rows.thinned(pressure))
-        blocks.append(begun + ((time - time[0]) / BLOCK).astype(int))
+        blocks.append(begun + ((time - time[0]) / CORRELATED_BLOCK_S).astype(int))
         begun = int(blocks[-1][-1]) + 1
     if not columns:
         raise DataError("supply: no part of a recording in which the flow of all joints is known")
@@ -292,9 +301,7 @@ def _still(log: Log) -> bool:
     return slew is None or float(np.nanmax(slew.value) - np.nanmin(slew.value)) < LARGEST_SLEW
 
 
-def _shared(
-    found: Sequence[JointFit],
-) -> list[list[tuple[BalanceFit, ChamberRows]]]:
+def _shared(found: Sequence[JointFit]) -> list[list[tuple[BalanceFit, ChamberRows]]]:
     """Rows of all joints that begin and end together."""
     together: dict[tuple[str, float, int], list[tuple[BalanceFit, ChamberRows]]] = {}
     for joint in found:
@@ -321,7 +328,7 @@ def identify_hydraulics(
         return None
     unknown: dict[str, str] = {}
     found: dict[str, JointFit] = {}
-    sensed = {joint for joint, one in machine.cylinders.items() if one.pressure_sensors}
+    sensed = {joint for joint, cylinder in machine.cylinders.items() if cylinder.pressure_sensors}
     fitted = sorted(  # those last that take the oil of the others for their own
         (joint for joint in model.joints if joint in sensed),
         key=lambda joint: not machine.cylinders[joint].chambers.grow,
@@ -347,7 +354,7 @@ def identify_hydraulics(
             unknown[joint] = str(error)
     if not joints and not any(log.pressure_a is not None for log in wanted):
         return None
-    rows = sum(len(one.balance.flow) for one in found.values())
+    rows = sum(len(fit.balance.flow) for fit in found.values())
     sources = ", ".join(dict.fromkeys(log.source for log in wanted))
     return HydraulicValues(
         provenance=f"balance of flow below {CUT_OFF:g} Hz, both chambers, {rows} rows of {sources}",
@@ -359,6 +366,147 @@ def identify_hydraulics(
 
 def _oil_of(found: Mapping[str, JointFit]) -> float:
     """Mean bulk modulus [Pa] of the joints that tell it."""
-    chambers = [one.values.chambers for one in found.values()]
-    told = [one.bulk_modulus.value for one in chambers if one and one.bulk_modulus.std_dev]
+    chambers = [fit.values.chambers for fit in found.values()]
+    told = [
+        chamber.bulk_modulus.value
+        for chamber in chambers
+        if chamber and chamber.bulk_modulus.std_dev
+    ]
     return fmean(told) if told else ASSUMED_MODULUS
+
+
+# Valves from the ramps of bring-up, for joints that recordings tell nothing of.
+#
+# Bring-up fits the speed K (u - d) of a joint beyond its dead band d. In the words of the flow map,
+# with the opening o = (u - d)/(1 - d) of the spool and no load, this is
+#
+#     K (1 - d) dx/dq o = gain o sqrt(drop / (A_A^3 + A_B^3)).
+
+
+class Ramp(Schema):
+    """One direction: means and standard deviations between repeats, as bring-up writes them."""
+
+    dead_band: Annotated[float, Field(ge=0, lt=1)]
+    dead_band_std: Annotated[float, Field(ge=0)]
+    gain: Positive
+    gain_std: Annotated[float, Field(ge=0)] | None = None
+    lag: Positive
+    repeats: Annotated[int, Field(ge=1)]
+    rate: Positive | None = None
+
+
+class Ramps(Schema):
+    """Of one joint, by the sign of the command."""
+
+    positive: Ramp
+    negative: Ramp
+
+
+class RampFile(Schema):
+    """`result.yaml` of `bringup dead_band`."""
+
+    step: str
+    date: str
+    mapping: str
+    protocol: dict[str, float]
+    results: dict[str, Ramps]
+
+
+def with_ramps(known: HydraulicValues | None, path: Path, machine: Machine) -> HydraulicValues:
+    """`known`, and from a file of ramps the valves of those joints that it lacks."""
+    file = load(path, RampFile)
+    if strange := sorted(set(file.results) - set(machine.cylinders)):
+        raise DataError(
+            f"{path}: the machine has no actuator for {', '.join(strange)}, it has "
+            f"{', '.join(machine.cylinders)}; give the ramps of this machine"
+        )
+    joints = dict(known.joints) if known else {}
+    unknown = dict(known.unknown) if known else {}
+    added = []
+    for joint, ramps in file.results.items():
+        if joint in joints:
+            continue  # a recording tells more, and under load
+        try:
+            joints[joint] = from_ramps(machine, joint, ramps)
+            added.append(joint)
+            unknown.pop(joint, None)
+        except DataError as error:
+            unknown[joint] = "; ".join(filter(None, (unknown.get(joint), str(error))))
+    told = [known.provenance] if known else []
+    if added:
+        told.append(f"{', '.join(added)}: ramps of {file.date}, {path}")
+    return HydraulicValues(
+        provenance="; ".join(told) or f"{path} tells nothing more",
+        joints=joints,
+        supply=known.supply if known else None,
+        unknown=unknown,
+    )
+
+
+def from_ramps(machine: Machine, joint: str, ramps: Ramps) -> JointHydraulics:
+    """The valve of a joint, as if the load were nil; `DataError` says why ramps do not tell it.
+
+    `unexplained` is by how much the speeds of repeats differ. All of the lag is taken for that of
+    the spool.
+    """
+    limits = machine.limits[joint]
+    positions = np.linspace(limits.position_min, limits.position_max, 20)
+    levers = lever_arm(machine, joint, positions)
+    lever = abs(float(levers.mean()))
+    if np.ptp(levers) > LEVER_TOLERANCE * lever:
+        raise DataError(
+            f"hydraulics of '{joint}': its lever changes with its position, which ramps do not "
+            "hold; record a motion of it"
+        )
+    extending, retracting = (
+        (ramps.positive, ramps.negative) if levers[0] > 0.0 else (ramps.negative, ramps.positive)
+    )
+    cylinder, oil = machine.cylinders[joint], machine.hydraulics
+    a, b = cylinder.area_a, cylinder.area_b
+    supply, tank = oil.supply_pressure, oil.tank_pressure
+    drops = a * supply - b * tank, b * supply - a * tank
+    forth, back = (
+        _gain(joint, ramp, lever / sqrt(drop / (a**3 + b**3)))
+        for ramp, drop in zip((extending, retracting), drops, strict=True)
+    )
+    lag = (extending.lag + retracting.lag) / 2.0
+    values: Mapping[str, Measured] = {
+        "dead_zone_a": _mean(extending.dead_band, extending.dead_band_std, extending),
+        "dead_zone_b": _mean(retracting.dead_band, retracting.dead_band_std, retracting),
+        "hysteresis": Measured(value=0.0, unit="1"),
+        "lag": Measured(value=lag, std_dev=abs(extending.lag - retracting.lag) / 2.0, unit="s"),
+        "natural_frequency": Measured(value=2.0 * DAMPING_RATIO / lag, unit="rad/s"),
+    }
+    valve = ValveValues(
+        **values,
+        damping_ratio=Measured(value=DAMPING_RATIO, unit="1"),
+        supply_a=forth,
+        b_tank=forth,
+        supply_b=back,
+        a_tank=back,
+    )
+    return JointHydraulics(
+        valve=valve,
+        undetermined=undetermined(values)
+        | {name: settled_by(name) for name in ASSUMED}
+        | {name: f"pressure transducers, then {settled_by(name)}" for name in OIL},
+        unexplained=max(
+            (direction.gain_std or 0.0) / direction.gain for direction in (extending, retracting)
+        ),
+    )
+
+
+def _gain(joint: str, ramp: Ramp, scale: float) -> Measured:
+    """`scale` is the gain [m3/(s Pa^0.5)] for 1 rad/s or m/s of the joint at full opening."""
+    if ramp.gain_std is None:
+        raise DataError(
+            f"hydraulics of '{joint}': its ramps were run once, so that nothing is known of how "
+            "far its gain is off; repeat them: bringup dead_band with two repeats or more"
+        )
+    stroke, count = 1.0 - ramp.dead_band, sqrt(ramp.repeats)
+    spread = hypot(stroke * ramp.gain_std, ramp.gain * ramp.dead_band_std) / count
+    return Measured(value=scale * stroke * ramp.gain, std_dev=scale * spread, unit=GAIN_UNIT)
+
+
+def _mean(value: float, std_dev: float, ramp: Ramp) -> Measured:
+    return Measured(value=value, std_dev=std_dev / sqrt(ramp.repeats), unit="1")

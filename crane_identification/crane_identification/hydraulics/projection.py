@@ -30,19 +30,21 @@ from crane_identification.hydraulics.balance import (
 from crane_identification.preparation.periodicity import Periodicity, periodic_part
 from crane_model.errors import DataError
 
-LOWEST = SpoolValues(1e-3, 0.0, 0.0, 0.0, 0.0)
-HIGHEST = SpoolValues(0.4, 1.5, 0.5, 0.5, 0.3)
+LOWEST_SPOOL = SpoolValues(1e-3, 0.0, 0.0, 0.0, 0.0)
+HIGHEST_SPOOL = SpoolValues(0.4, 1.5, 0.5, 0.5, 0.3)
 SCALE = np.array([2e-3, 0.1, 1e-2, 1e-2, 1e-2])
 """Of the parameters of a spool, so that a step of 1 changes the balance visibly."""
-STEP = 1e-3  # of SCALE, for derivatives
+SPOOL_STEP = 1e-3  # of SCALE, for derivatives
 STARTS = tuple(product((0.01, 0.03, 0.08), (0.005, 0.02, 0.04, 0.06, 0.09, 0.13, 0.2)))
-"""Lags [s] and dead zones that are tried before the search."""
-SEARCHED = 30  # steps of the search at most, which takes five where the flow follows the valve
-ROUNDS = 3  # of the whitening
-ROUNDING = 1e-12  # of the flow's power: what is left of data without noise
-BLOCK = 2.0  # s over which rows may be correlated
+"""Lags [s] and dead bands that are tried before the search."""
+# Steps of the search at most, which takes five where the flow follows the valve
+MOST_SEARCH_STEPS = 30
+WHITENING_ROUNDS = 3  # of the whitening
+FLOW_ROUNDING_SHARE = 1e-12  # of the flow's power: what is left of data without noise
+CORRELATED_BLOCK_S = 2.0  # s over which rows may be correlated
 INTERVAL = 0.95  # what a normal interval of a standard deviation is to cover
 LEAST_FREEDOM = 3.0  # of blocks: fewer tell no standard deviation
+SHIFTS = 16  # of the encoder, within a count
 
 
 @dataclass(frozen=True)
@@ -64,11 +66,13 @@ def project(balance: Balance[AnyRows]) -> BalanceFit:
     """The best spool, gains and oil."""
     whitening = np.diag(1.0 / np.sqrt((balance.flow**2).mean(axis=0)))
     spool = _started(balance, whitening)
-    for _ in range(ROUNDS):
+    for _ in range(WHITENING_ROUNDS):
         spool = _searched(balance, whitening, spool)
         linear = _solved(balance, whitening, spool)[0]
         left = balance.flow - balance.columns(spool) @ linear
-        noise = left.T @ left / len(left) + ROUNDING * np.diag((balance.flow**2).mean(axis=0))
+        noise = left.T @ left / len(left) + FLOW_ROUNDING_SHARE * np.diag(
+            (balance.flow**2).mean(axis=0)
+        )
         whitening = np.linalg.inv(np.linalg.cholesky(noise))
     covariance = _covariance(balance, whitening, spool, linear, left)
     share = float(np.sqrt((left**2).sum() / (balance.flow**2).sum()))
@@ -76,20 +80,22 @@ def project(balance: Balance[AnyRows]) -> BalanceFit:
 
 
 def _started(balance: Balance[AnyRows], whitening: np.ndarray) -> SpoolValues:
-    tried = [LOWEST._replace(lag=lag, share=0.5, dead_zone_a=d, dead_zone_b=d) for lag, d in STARTS]
+    tried = [
+        LOWEST_SPOOL._replace(lag=lag, share=0.5, dead_zone_a=d, dead_zone_b=d) for lag, d in STARTS
+    ]
     return min(tried, key=lambda spool: (_rest(balance, whitening, spool) ** 2).sum())
 
 
 def _searched(balance: Balance[AnyRows], whitening: np.ndarray, start: SpoolValues) -> SpoolValues:
-    low, high = np.array(LOWEST) / SCALE, np.array(HIGHEST) / SCALE
+    low, high = np.array(LOWEST_SPOOL) / SCALE, np.array(HIGHEST_SPOOL) / SCALE
     found = least_squares(
         lambda x: _rest(balance, whitening, _spool(x)),
-        np.clip(np.array(start) / SCALE, low + STEP, high - STEP),
+        np.clip(np.array(start) / SCALE, low + SPOOL_STEP, high - SPOOL_STEP),
         bounds=(low, high),
-        diff_step=STEP,
+        diff_step=SPOOL_STEP,
         xtol=1e-7,
         ftol=1e-6,
-        max_nfev=SEARCHED,
+        max_nfev=MOST_SEARCH_STEPS,
     )
     return _spool(found.x)
 
@@ -132,9 +138,9 @@ def _covariance(
     at = np.array(spool)
     slopes = []
     for i, scale in enumerate(SCALE):
-        step = STEP * scale
+        step = SPOOL_STEP * scale
         low, high = at.copy(), at.copy()
-        low[i], high[i] = max(LOWEST[i], at[i] - step), min(HIGHEST[i], at[i] + step)
+        low[i], high[i] = max(LOWEST_SPOOL[i], at[i] - step), min(HIGHEST_SPOOL[i], at[i] + step)
         change = (
             balance.columns(SpoolValues(*high)) @ linear
             - balance.columns(SpoolValues(*low)) @ linear
@@ -147,7 +153,7 @@ def _covariance(
     rows = rows / norms
     bread = np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
     residual = (left @ whitening.T).ravel()
-    blocks = np.repeat(balance.blocks(BLOCK), left.shape[1])
+    blocks = np.repeat(balance.blocks(CORRELATED_BLOCK_S), left.shape[1])
     covariance: np.ndarray = block_covariance(rows, residual, bread, blocks)
     return covariance / np.outer(norms, norms)
 
@@ -166,8 +172,8 @@ def block_covariance(
     begins = np.flatnonzero(np.diff(blocks, prepend=-1))
     pulls = []
     for part, left in zip(np.split(rows, begins[1:]), np.split(residual, begins[1:]), strict=True):
-        others = np.eye(len(part)) - part @ bread @ part.T
-        pulls.append(bread @ part.T @ np.linalg.lstsq(others, left, rcond=1e-10)[0])
+        complement = np.eye(len(part)) - part @ bread @ part.T
+        pulls.append(bread @ part.T @ np.linalg.lstsq(complement, left, rcond=1e-10)[0])
     scatter = np.array(pulls) * np.sqrt((len(pulls) - 1) / len(pulls))
     wider = _widening(scatter)
     covariance: np.ndarray = scatter.T @ scatter * np.outer(wider, wider)
@@ -196,8 +202,6 @@ def _widening(scatter: np.ndarray) -> np.ndarray:
 # repeats where the motion does: how much of it shows by rounding the motion again, the encoder
 # shifted.
 
-SHIFTS = 16  # of the encoder, within a count
-
 
 def lack_of_fit(
     balance: Balance[ChamberRows], found: BalanceFit, logs: Sequence[Log], period: float | None
@@ -214,14 +218,14 @@ def lack_of_fit(
         if len(periods) < 2:
             continue
         mean = periods.mean(axis=0)
-        deviation, others = periods - mean, len(periods) - 1
+        deviation, freedom_of_scatter = periods - mean, len(periods) - 1
         independent = independent_samples(deviation, np.ones(mean.shape, dtype=bool))
-        scattered = (deviation**2).sum(axis=(0, 1)) / others / len(periods)
+        scattered = (deviation**2).sum(axis=(0, 1)) / freedom_of_scatter / len(periods)
         rounded = _repeated_rounding(rows, found.whitening, part)
         power += float((mean**2).sum())
         noise += float(scattered.sum() + rounded.mean())
         variance += float((scattered**2 / independent).sum() + rounded.var() / 2.0)
-        of_noise += float((scattered**2 / independent / others).sum())
+        of_noise += float((scattered**2 / independent / freedom_of_scatter).sum())
     if not noise:
         return None
     freedom, noise_freedom = noise**2 / variance, noise**2 / of_noise

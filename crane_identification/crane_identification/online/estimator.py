@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_bags.clocks import NANOSECONDS
-from crane_identification.online.matching import Matched, Matcher
 from crane_identification.online.recursion import Recursion, ResidualCorrelation, Solution
-from crane_identification.online.smoother import FixedLagSmoother, Smoothed
-from crane_identification.signals.gate import SIGMAS
+from crane_identification.online.streams import FixedLagSmoother, Matched, Matcher, Smoothed
+from crane_identification.preparation.run import STANDSTILL_SIGMAS
 from crane_model.configuration import load
 from crane_model.cylinders import ChamberForces
 from crane_model.errors import ConfigurationError, DataError, RangeError
@@ -29,6 +28,10 @@ from crane_model.sensors import SensorChain
 
 Sides = Callable[[list[Smoothed]], np.ndarray]
 """Both sides of (28) at n instants: (n, j, p + 1), the columns of Φ and then τ."""
+REFRESH = NANOSECONDS  # between two weightings of the joints for the prediction
+INSTANTS = 4  # of the smoother for every row
+SHARE = 0.25  # of the lag: half the window of the smoother
+GAP_SHARE = 0.125  # of the lag: readings that the smoother needs
 
 
 class Row(NamedTuple):
@@ -120,13 +123,7 @@ class Gate:
 
     def resolution(self, smoothed: Smoothed) -> np.ndarray:
         """Speed (j,) below which the sign of this estimate is not known."""
-        return SIGMAS * self._noise * smoothed.velocity_gain
-
-
-REFRESH = NANOSECONDS  # between two weightings of the joints for the prediction
-INSTANTS = 4  # of the smoother for every row
-SHARE = 0.25  # of the lag: half the window of the smoother
-GAP_SHARE = 0.125  # of the lag: readings that the smoother needs
+        return STANDSTILL_SIGMAS * self._noise * smoothed.velocity_gain
 
 
 @dataclass(frozen=True)
@@ -302,20 +299,22 @@ class OnlineEstimator:
     def _sides(self, instants: list[Smoothed]) -> np.ndarray:
         """Both sides of (28) at these instants, (n, j, p + 1)."""
         joints = len(self.model.joints)
-        carried = np.array([one.carried for one in instants])
+        carried = np.array([instant.carried for instant in instants])
         force, pressure_a, pressure_b = np.split(carried, [joints, 2 * joints], axis=1)
         pressures = carried.shape[1] > joints
         record = Record(
             joints=self.model.joints,
-            time=np.array([one.stamp / NANOSECONDS for one in instants]),
-            position=np.array([one.position for one in instants]),
-            velocity=np.array([one.velocity for one in instants]),
-            acceleration=np.array([one.acceleration for one in instants]),
+            time=np.array([instant.stamp / NANOSECONDS for instant in instants]),
+            position=np.array([instant.position for instant in instants]),
+            velocity=np.array([instant.velocity for instant in instants]),
+            acceleration=np.array([instant.acceleration for instant in instants]),
             force=force,
             pressure_a=pressure_a if pressures else None,
             pressure_b=pressure_b if pressures else None,
             # the finest of them: what the gate lets through has a sign at every instant
-            velocity_resolution=np.min([self._gate.resolution(one) for one in instants], axis=0),
+            velocity_resolution=np.min(
+                [self._gate.resolution(instant) for instant in instants], axis=0
+            ),
         )
         return np.concatenate([self.model.regressor(record), force[:, :, np.newaxis]], axis=2)
 

@@ -29,17 +29,82 @@ from crane_model.configuration import load
 from crane_model.errors import CraneError, DataError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model, save_model
-from crane_nodes.machine_parameter import MACHINE
-from crane_nodes.managed import AUTOSTART, run_managed, say_ready
-from crane_nodes.names import full_name
+from crane_nodes.executor import Polled
+from crane_nodes.managed import AUTOSTART, full_name, run_managed, say_ready
 from crane_nodes.node_time import NodeTime, Pacing, tell_back
-from crane_nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
-from crane_nodes.polled import Polled
-
-# What /diagnostics says of the identification.
+from crane_nodes.parameters import MACHINE, NodeParameter, Number, Numbers, Text, declare, hold
 
 MATCHED_SHARE = 0.99
 """Share of positions with pressures below which something is wrong with stamps or topics."""
+STATE_TOPIC, PRESSURE_TOPIC = "joint_states", "cylinder_pressures"
+DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+SERIES = QoSProfile(
+    depth=10,  # no estimate is lost while a process of the computer is starved
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+PUBLISH = 1.0  # s, of diagnostics
+AHEAD = 1.0  # s, by which simulated time may be ahead of what was learned
+VISIT = 0.05  # s between two visits to the queues, which hold 100 times as much
+DEFAULTS = OnlineOptions()
+MODEL_FILE = Text(
+    "model", "", "Model file to identify; empty: model.yaml of the machine. At configure"
+)
+MODEL_OUTPUT = Text(
+    "model_output", "identified_model.yaml", "File that ~/save_model writes, replacing it"
+)
+COLUMN_MAP_FILE = Text(
+    "columns", "", "Column map of the topics to listen to; empty: those of the suite. At configure"
+)
+FORGETTING = Number(
+    "forgetting",
+    DEFAULTS.forgetting,
+    "-",
+    0.9,
+    1.0,
+    "Forgetting factor per row; the memory is period/(1 - forgetting). At configure",
+)
+LAG = Number(
+    "lag",
+    DEFAULTS.lag,
+    "s",
+    0.05,
+    2.0,
+    "Half the window of a row, four times that of the smoother. At configure",
+)
+PERIOD = Number(
+    "period", DEFAULTS.period, "s", 0.005, 1.0, "Time from row to row, at most lag. At configure"
+)
+LARGEST_STREAM_GAP = Number(
+    "largest_gap",
+    DEFAULTS.largest_gap,
+    "s",
+    0.001,
+    0.25,
+    "Time without readings after which smoothing starts anew, at most lag/8. At configure",
+)
+TIMEOUT = Number(
+    "timeout", 1.0, "s", 0.1, 60.0, "Silence of a topic that is reported as a warning. At configure"
+)
+ENCODER_RESOLUTION = Numbers(
+    "encoder_resolution",
+    (),
+    "rad or m",
+    1e-9,
+    0.1,
+    "One count of the encoder of each joint of the model, in its order; empty: by sensors.yaml of "
+    "the machine. At configure",
+)
+PARAMETERS: tuple[NodeParameter, ...] = (
+    *(AUTOSTART, MACHINE, MODEL_FILE, COLUMN_MAP_FILE, MODEL_OUTPUT, FORGETTING),
+    *(LAG, PERIOD, LARGEST_STREAM_GAP, ENCODER_RESOLUTION, TIMEOUT),
+)
+ABOUT = """Identifies the parameters of the crane from joint_states and cylinder_pressures, or
+from the topics that a column map names, while it moves, and publishes them with standard
+deviations on parameter_estimate."""
 
 
 class Condition:
@@ -129,7 +194,7 @@ def recording(name: str, found: Checked | None) -> DiagnosticStatus:
         told.message = "too little heard yet"
     elif found.suspicions:
         told.level = DiagnosticStatus.ERROR if found.decisive else DiagnosticStatus.WARN
-        told.message = "; ".join(str(one) for one in found.suspicions)
+        told.message = "; ".join(str(suspicion) for suspicion in found.suspicions)
     else:
         told.message = f"nothing suspicious in {found.source}"
     if found is not None:
@@ -139,79 +204,6 @@ def recording(name: str, found: Checked | None) -> DiagnosticStatus:
 
 def _condition_number(solution: Solution | None) -> float:
     return math.inf if solution is None else solution.condition_number
-
-
-JOINT_STATES, PRESSURES = "joint_states", "cylinder_pressures"
-DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-LATCHED = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-SERIES = QoSProfile(
-    depth=10,  # no estimate is lost while a process of the computer is starved
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-PUBLISH = 1.0  # s, of diagnostics
-AHEAD = 1.0  # s, by which simulated time may be ahead of what was learned
-VISIT = 0.05  # s between two visits to the queues, which hold 100 times as much
-
-DEFAULTS = OnlineOptions()
-MODEL = Text("model", "", "Model file to identify; empty: model.yaml of the machine. At configure")
-MODEL_OUTPUT = Text(
-    "model_output", "identified_model.yaml", "File that ~/save_model writes, replacing it"
-)
-COLUMNS = Text(
-    "columns",
-    "",
-    "Column map of the topics to listen to; empty: those of the suite. At configure",
-)
-FORGETTING = Number(
-    "forgetting",
-    DEFAULTS.forgetting,
-    "-",
-    0.9,
-    1.0,
-    "Forgetting factor per row; the memory is period/(1 - forgetting). At configure",
-)
-LAG = Number(
-    "lag",
-    DEFAULTS.lag,
-    "s",
-    0.05,
-    2.0,
-    "Half the window of a row, four times that of the smoother. At configure",
-)
-PERIOD = Number(
-    "period", DEFAULTS.period, "s", 0.005, 1.0, "Time from row to row, at most lag. At configure"
-)
-LARGEST_GAP = Number(
-    "largest_gap",
-    DEFAULTS.largest_gap,
-    "s",
-    0.001,
-    0.25,
-    "Time without readings after which smoothing starts anew, at most lag/8. At configure",
-)
-TIMEOUT = Number(
-    "timeout", 1.0, "s", 0.1, 60.0, "Silence of a topic that is reported as a warning. At configure"
-)
-
-
-RESOLUTION = Numbers(
-    "encoder_resolution",
-    (),
-    "rad or m",
-    1e-9,
-    0.1,
-    "One count of the encoder of each joint of the model, in its order; empty: by sensors.yaml of "
-    "the machine. At configure",
-)
-PARAMETERS: tuple[NodeParameter, ...] = (
-    *(AUTOSTART, MACHINE, MODEL, COLUMNS, MODEL_OUTPUT, FORGETTING),
-    *(LAG, PERIOD, LARGEST_GAP, RESOLUTION, TIMEOUT),
-)
 
 
 class Identification(LifecycleNode):
@@ -254,12 +246,12 @@ class Identification(LifecycleNode):
                 lag=LAG.read(self),
                 period=PERIOD.read(self),
                 forgetting=FORGETTING.read(self),
-                largest_gap=LARGEST_GAP.read(self),
-                encoder_resolution=RESOLUTION.read(self) or None,
+                largest_gap=LARGEST_STREAM_GAP.read(self),
+                encoder_resolution=ENCODER_RESOLUTION.read(self) or None,
                 machine=MACHINE.read(self),
             )
             self._condition = Condition(timeout=TIMEOUT.read(self))
-            file = machine_file("model.yaml", options.machine, MODEL.read(self))
+            file = machine_file("model.yaml", options.machine, MODEL_FILE.read(self))
             estimator = OnlineEstimator(load_model(file).of_machine(), options)
             recent = Recent(estimator.model.machine, estimator.model.joints)
             watched = Watched(estimator, recent)
@@ -274,10 +266,10 @@ class Identification(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen; what was learned before a deactivation is kept."""
         self._listening = [
-            (Polled(self, one.msgtype, one.topic, DEEP), self._learner(one))
-            for one in self._listeners
+            (Polled(self, listener.msgtype, listener.topic, DEEP), self._learner(listener))
+            for listener in self._listeners
         ]
-        topics = [one.topic for one in self._listeners]
+        topics = [listener.topic for listener in self._listeners]
         self._condition.listen(self._time.now(), *topics)
         self._pacing = Pacing(self, self._time, AHEAD)
         say_ready(self)
@@ -307,9 +299,11 @@ class Identification(LifecycleNode):
             self._pacing.taken()
 
     def _listeners_of(self, estimator: Watched) -> tuple[Listener, ...]:
-        file = COLUMNS.read(self)
+        file = COLUMN_MAP_FILE.read(self)
         if not file:
-            return listeners(estimator, *map(self.resolve_topic_name, (JOINT_STATES, PRESSURES)))
+            return listeners(
+                estimator, *map(self.resolve_topic_name, (STATE_TOPIC, PRESSURE_TOPIC))
+            )
         return mapped_listeners(estimator, load(file, ColumnMap), file)
 
     def _learner(self, listener: Listener) -> Callable[[Any, int], None]:
@@ -326,12 +320,12 @@ class Identification(LifecycleNode):
                 self._set_backs = self._back.times
                 self.get_logger().warning(str(self._back))
             assert self._estimator is not None
-            for one in forces:
-                self._forces.publish(forces_message(self._estimator.model.joints, one))
+            for force in forces:
+                self._forces.publish(forces_message(self._estimator.model.joints, force))
                 if (
-                    one.stamp // NANOSECONDS != self._second
+                    force.stamp // NANOSECONDS != self._second
                 ):  # of the data: a repetition tells the same
-                    self._second = one.stamp // NANOSECONDS
+                    self._second = force.stamp // NANOSECONDS
                     self._publish_estimate()
 
         return learn
@@ -379,11 +373,6 @@ class Identification(LifecycleNode):
             return response
         response.success, response.message = True, f"wrote {file}"
         return response
-
-
-ABOUT = """Identifies the parameters of the crane from joint_states and cylinder_pressures, or
-from the topics that a column map names, while it moves, and publishes them with standard
-deviations on parameter_estimate."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

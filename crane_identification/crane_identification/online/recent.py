@@ -12,13 +12,14 @@ from crane_identification.recording_check.check import check
 from crane_identification.recording_check.suspicion import Checked
 from crane_model.machine import Machine
 
-WINDOW = 30.0  # s, in which a crane that is excited moves every joint both ways
-LEAST = 20.0  # s of both topics, before which nothing is said
-EVERY = 10.0  # s from check to check, each of which takes 0.03 to 0.2 s of the node's thread
+CHECK_WINDOW_S = 30.0  # s, in which a crane that is excited moves every joint both ways
+LEAST_WINDOW_S = 20.0  # s of both topics, before which nothing is said
+# S from check to check, each of which takes 0.03 to 0.2 s of the node's thread
+CHECK_PERIOD_S = 10.0
 
 
 class Recent:
-    """Positions and pressures of the last `WINDOW`, each with its stamps [ns]."""
+    """Positions and pressures of the last `CHECK_WINDOW_S`, each with its stamps [ns]."""
 
     def __init__(self, machine: Machine | None, joints: Sequence[str]):
         self._machine, self._joints = machine, tuple(joints)
@@ -47,10 +48,10 @@ class Recent:
             (queue[-1][0] - queue[0][0]) / NANOSECONDS if queue else 0.0
             for queue in (self._positions, self._pressures)
         ]
-        if min(seconds) < LEAST:
+        if min(seconds) < LEAST_WINDOW_S:
             return
         newest = self._positions[-1][0]
-        if 0 <= newest - self._checked < EVERY * NANOSECONDS:
+        if 0 <= newest - self._checked < CHECK_PERIOD_S * NANOSECONDS:
             return
         self._checked, self.found = newest, check(self._machine, self._log())
 
@@ -59,7 +60,7 @@ class Recent:
         pressure = _signal(self._pressures, start, "pressures")
         chamber_a, chamber_b = np.split(pressure.value, 2, axis=1)
         return Log(
-            source=f"the last {WINDOW:g} s",
+            source=f"the last {CHECK_WINDOW_S:g} s",
             joints=self._joints,
             start=start,
             position=_signal(self._positions, start, "positions"),
@@ -106,7 +107,7 @@ def _keep(queue: deque[tuple[int, np.ndarray]], stamp: int, values: np.ndarray) 
             return
         queue.clear()
     queue.append((stamp, values))
-    while stamp - queue[0][0] > WINDOW * NANOSECONDS:
+    while stamp - queue[0][0] > CHECK_WINDOW_S * NANOSECONDS:
         queue.popleft()
 
 

@@ -1,7 +1,12 @@
-"""The same recursion over recordings."""
+"""The recursion of the node over recordings, at once or in a process of its own."""
 
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -11,14 +16,79 @@ from crane_identification.data.resample import sampling_rate
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
 from crane_identification.signals.motion import reading_resolution
 from crane_model.configuration import load
-from crane_model.errors import DataError
+from crane_model.errors import CraneError, DataError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
 from crane_model.sensors import SensorChain
 
-READINGS = 1.25  # intervals between readings that may pass before a new run begins
-PARTS = 20  # of a recording, after each of which the estimate is read
+POLL_S = 0.2  # s between two looks at the progress of a background task
+
+T = TypeVar("T")
+MISSED_READINGS = 1.25  # intervals between readings that may pass before a new run begins
+REPLAY_PARTS = 20  # of a recording, after each of which the estimate is read
+
+
+class BackgroundTask(Generic[T]):
+    """Runs `function(*arguments, progress=...)` in a process of its own, which ends with the
+    context at the latest. Arguments, result and errors are sent, so they must be picklable.
+    """
+
+    def __init__(self, function: Callable[..., T], *arguments: object) -> None:
+        context = get_context("spawn")  # a fork would leave the threads of libraries behind
+        self._name = function.__name__
+        self._share = context.Value("d", 0.0)
+        self._receiver, sender = context.Pipe(duplex=False)
+        self._process = context.Process(
+            target=_work, args=(sender, self._share, function, arguments), daemon=True
+        )
+        self._process.start()
+        sender.close()
+
+    def result(self, progress: Progress) -> T:
+        """Wait for what the function returns; raises the `CraneError` that it raises, and one if
+        its process dies.
+        """
+        while not self._receiver.poll(POLL_S):
+            progress(self._name, self._share.value)
+        try:
+            result, error = self._receiver.recv()
+        except EOFError:
+            self._process.join()
+            raise CraneError(
+                f"{self._name}: its process ended with exit code {self._process.exitcode} and "
+                f"without a result; if it was killed, memory may have run out"
+            ) from None
+        if error is not None:
+            raise error
+        progress(self._name, 1.0)
+        return result
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._process.terminate()
+        self._process.join()
+
+
+def _work(
+    sender: Connection, share: Any, function: Callable[..., object], arguments: tuple[Any, ...]
+) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the caller, and that this process
+
+    def progress(phase: str, done: float) -> None:
+        share.value = done
+
+    try:
+        sender.send((function(*arguments, progress=progress), None))
+    except CraneError as error:
+        sender.send((None, error))
 
 
 @dataclass(frozen=True)
@@ -48,7 +118,7 @@ def replay(
     forces: list[Forces] = []
     for done, part in enumerate(_feed(estimator, log), start=1):
         forces += part
-        progress("recursion", done / PARTS)
+        progress("recursion", done / REPLAY_PARTS)
     return estimator, forces
 
 
@@ -67,9 +137,9 @@ def recursion(
     for number, log in enumerate(logs):
         duration = float(log.position.time[-1])
         for done, _ in enumerate(_feed(estimator, log), start=1):
-            time.append(begin + duration * done / PARTS)
+            time.append(begin + duration * done / REPLAY_PARTS)
             solutions.append(estimator.solve())
-            progress("recursion", (number + done / PARTS) / len(logs))
+            progress("recursion", (number + done / REPLAY_PARTS) / len(logs))
         begin += duration
     return Recursive(
         model=estimator.fitted_model(),
@@ -94,7 +164,7 @@ def _fitting(logs: Sequence[Log]) -> OnlineOptions:
     resolution = np.max([reading_resolution(log.position.value) for log in logs], axis=0)
     interval = max(1.0 / sampling_rate(log.position.time) for log in logs)
     usual = OnlineOptions()
-    slower = max(READINGS * interval / usual.largest_gap, 1.0)
+    slower = max(MISSED_READINGS * interval / usual.largest_gap, 1.0)
     return OnlineOptions(
         lag=slower * usual.lag,
         period=slower * usual.period,
@@ -115,7 +185,7 @@ def _feed(estimator: OnlineEstimator, log: Log) -> Iterator[list[Forces]]:
     encoder, stamps = _stamps(log, log.position.time), _stamps(log, driving.time)
     before = np.searchsorted(stamps, encoder, side="right")  # what came before
     fed = 0
-    for part in np.array_split(np.arange(len(encoder)), PARTS):
+    for part in np.array_split(np.arange(len(encoder)), REPLAY_PARTS):
         forces: list[Forces] = []
         for i in part:
             for k in range(fed, before[i]):

@@ -9,9 +9,9 @@ from sensor_msgs.msg import JointState
 from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.estimator import Forces, OnlineEstimator
-from crane_identification.online.matching import Gathering
 from crane_identification.online.recent import Watched
 from crane_identification.online.recursion import Solution
+from crane_identification.online.streams import Gathering
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
 from crane_model.errors import ConfigurationError, DataError
 from crane_nodes.node_time import nanoseconds, stamp_of
@@ -112,7 +112,9 @@ def mapped_listeners(
     `ConfigurationError` if the map, of `file`, lacks pressures, or the type of a topic.
     """
     joints = column_map.of(estimator.model.joints, file)
-    if absent := [one for one in joints if one.pressure_a is None or one.pressure_b is None]:
+    if absent := [
+        sources for sources in joints if sources.pressure_a is None or sources.pressure_b is None
+    ]:
         name = estimator.model.joints[joints.index(absent[0])]
         raise ConfigurationError(
             f"{file}: key 'joints.{name}': pressure_a and pressure_b are needed: the node computes "
@@ -121,11 +123,11 @@ def mapped_listeners(
     chambers = [
         source
         for side in ("pressure_a", "pressure_b")
-        for one in joints
-        if (source := getattr(one, side))
+        for sources in joints
+        if (source := getattr(sources, side))
     ]
     gap = round(estimator.options.largest_gap * NANOSECONDS)
-    positions = Gathering([one.position for one in joints], gap)
+    positions = Gathering([sources.position for sources in joints], gap)
     pressures = Gathering(chambers, gap)
 
     def add_pressure(stamp: int, values: np.ndarray) -> list[Forces]:

@@ -10,41 +10,58 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import measured
-from crane_identification.preparation.averaging import LACKING
+from crane_identification.preparation.run import LACKING
 from crane_model.errors import DataError, NoMotionError
 
-# How closely a motion comes to itself a while later, and in which part of it.
-
-NEAR = 0.75
+RECORDED_STEP_SHARE = 0.75
 """Of a step, within which the motion was recorded where it counts: what is interpolated over
 samples that were not recorded must not end the part that repeats."""
-MOVES = 0.03
+LEAST_RANGE_SHARE = 0.03
 """A part moves if its range is this share of that of the whole."""
-HARDLY = 0.3
+LEAST_SCALED_RANGE = 0.3
 """Joints that move by less than this share of the one that moves most (rad or m) count by as much
 less: what creeps, or only shows noise, does not hide that the others repeat."""
-WINDOW = 0.003
+WINDOW_LAG_SHARE = 0.003
 """Share of the lag over which differences are averaged."""
-STEPS = 1.5
+EQUAL_STEPS = 1.5
 """About equal: to within this many of the largest steps between two samples, ..."""
-SCATTER = 5.0
+EQUAL_RMS_FACTOR = 5.0
 """... or this many times the rms difference where the motion comes closest to itself."""
-OVERLAP = 0.25
+LEAST_COMPARED_SHARE = 0.25
 """Share of what can be compared that must repeat, where less than two periods are there."""
-TYPICAL = 0.9
-SPREAD = 5.0
+SPREAD_QUANTILE = 0.9
+SPREAD_FACTOR = 5.0
 """Equal: to within this many times the 0.9 quantile of the difference over the repeating part."""
-PASSING = 0.2
+PASSING_RMS_SHARE = 0.2
 """Share of the rms of the motion up to which a difference interrupts the repeating part for a
 moment, as friction that lets go later does, but does not end it."""
-LASTING = 0.02
+LASTING_LAG_SHARE = 0.02
 """Share of the lag that a part lasts at least in which the motion is equal."""
-SLACK = (16.0, 8.0, 4.0, 2.0, *(1.0,) * 16)
+SLACK_FACTORS = (16.0, 8.0, 4.0, 2.0, *(1.0,) * 16)
 """Multiples of about equal with which the search for the exact lag proceeds."""
-ROUNDING = 1e-9
+ROUNDING_RANGE_SHARE = 1e-9
 """Share of the range below which differences are rounding."""
-AROUND = 0.1
+MOVING_LAG_SHARE = 0.1
 """Share of the lag around a sample in which a joint moves if it does at all."""
+REPEATING_RMS_SHARE = 0.05
+"""A motion repeats if it differs from itself by less than this share of its own rms."""
+LONGER_PERIOD_FACTOR = 3.0
+"""A longer period is meant if the motion then differs from itself so many times less, ..."""
+VISIBLE_RMS_SHARE = 0.004
+"""... and by more than this share of its rms after the shorter one."""
+LEAST_PERIOD_SHARE = 0.99
+"""Share of a second period that must be there for the first to count as repeated: the very last
+sample of two whole periods may be missing."""
+PERIOD_TOLERANCE = 5e-4
+"""Share of a given period, beside one sample, by which it may be off."""
+SEARCH_SAMPLES = 3000
+"""Samples of the motion, thinned, in which the period is sought; then it is found exactly."""
+LONGEST_LAG_SHARE = 0.55
+"""Share of the motion up to which lags are tried: two periods, and a little for the search."""
+EQUAL_RMS_SHARE = 1e-6
+"""Rms difference, as a share of the range, up to which whole periods repeat equally well."""
+LATEST_END_SHARE = 0.05
+"""Share of the lag."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +84,12 @@ class Repetition:
         ranges = np.ptp(position, axis=0)
         if not ranges.any():
             raise NoMotionError("the motion stands still, and so does not repeat")
-        scaled = position / np.maximum(ranges, HARDLY * ranges.max())
+        scaled = position / np.maximum(ranges, LEAST_SCALED_RANGE * ranges.max())
         signal = np.stack([np.interp(uniform, time, column) for column in scaled.T], axis=1)
         after = np.searchsorted(time, uniform).clip(1, len(time) - 1)
         away = np.minimum(np.abs(uniform - time[after - 1]), np.abs(time[after] - uniform))
         centred = signal - signal.mean(axis=0)
-        return cls(centred, away <= NEAR * step, float(time[0]), float(step))
+        return cls(centred, away <= RECORDED_STEP_SHARE * step, float(time[0]), float(step))
 
     @property
     def samples(self) -> int:
@@ -95,7 +112,7 @@ class Repetition:
         length = min(lag, int(overlap * (self.samples - lag)))
         if length < 1:
             return np.inf, np.inf
-        share, difference = _nearest(self.signal, *self._sums, lag, length, MOVES**2)
+        share, difference = _nearest(self.signal, *self._sums, lag, length, LEAST_RANGE_SHARE**2)
         return float(np.sqrt(share)), float(np.sqrt(difference))
 
 
@@ -148,10 +165,12 @@ def agreement(motion: Repetition, lag: float, known: bool = False) -> Agreement 
     """
     signal, given = motion.signal, lag
     slope = np.gradient(signal, axis=0)
-    _, scatter = motion.nearest(round(lag), OVERLAP)
-    about = max(STEPS * float(np.abs(np.diff(signal, axis=0)).max()), SCATTER * scatter)
-    equal = SLACK[0] * about
-    for slack in SLACK:
+    _, scatter = motion.nearest(round(lag), LEAST_COMPARED_SHARE)
+    about = max(
+        EQUAL_STEPS * float(np.abs(np.diff(signal, axis=0)).max()), EQUAL_RMS_FACTOR * scatter
+    )
+    equal = SLACK_FACTORS[0] * about
+    for slack in SLACK_FACTORS:
         first, last = _part(motion, lag, equal)
         if last <= first:
             return None
@@ -165,8 +184,11 @@ def agreement(motion: Repetition, lag: float, known: bool = False) -> Agreement 
         spread = distance(motion, lag)[first:last]
         if not len(spread):
             return None
-        equal = min(slack * about, SPREAD * float(np.quantile(spread, TYPICAL)) + ROUNDING)
-    first, last = _part(motion, lag, equal, PASSING)
+        equal = min(
+            slack * about,
+            SPREAD_FACTOR * float(np.quantile(spread, SPREAD_QUANTILE)) + ROUNDING_RANGE_SHARE,
+        )
+    first, last = _part(motion, lag, equal, PASSING_RMS_SHARE)
     if last <= first:
         return None
     there = distance(motion, lag)[first:last]
@@ -184,15 +206,15 @@ def distance(motion: Repetition, lag: float) -> np.ndarray:
     seen &= recorded[np.minimum(np.arange(n) + whole + 1, len(recorded) - 1)]
     weight = uniform_filter1d(seen.astype(float), _window(lag))
     mean = uniform_filter1d(power * seen, _window(lag)).clip(0.0)
-    return np.sqrt(np.divide(mean, weight, out=np.zeros(n), where=weight > ROUNDING))
+    return np.sqrt(np.divide(mean, weight, out=np.zeros(n), where=weight > ROUNDING_RANGE_SHARE))
 
 
 def _moves(motion: Repetition, lag: float) -> np.ndarray:
     """(n,) whether anything moves around a sample; standing still repeats for any lag."""
-    window = 2 * int(AROUND * lag / 2) + 1
+    window = 2 * int(MOVING_LAG_SHARE * lag / 2) + 1
     low, high = minimum_filter1d, maximum_filter1d
     travel = high(motion.signal, window, axis=0) - low(motion.signal, window, axis=0)
-    return travel.max(axis=1) > AROUND * MOVES
+    return travel.max(axis=1) > MOVING_LAG_SHARE * LEAST_RANGE_SHARE
 
 
 def _part(
@@ -209,7 +231,7 @@ def _part(
     parts = [
         (begin, end)
         for begin, end in _runs(apart <= tolerance)
-        if np.ptp(motion.signal[begin : end + span], axis=0).max() > MOVES
+        if np.ptp(motion.signal[begin : end + span], axis=0).max() > LEAST_RANGE_SHARE
     ]
     best = max(parts, key=lambda part: moves[part[1]] - moves[part[0]], default=(0, 0))
     if moves[best[0]] == moves[best[1]]:
@@ -217,7 +239,7 @@ def _part(
     if passing > 0.0:
         allowed = max(tolerance, passing * _rms(motion.signal[best[0] : best[1] + span]))
         begin, end = next(r for r in _runs(apart <= allowed) if r[0] <= best[0] < r[1])
-        shortest = LASTING * lag
+        shortest = LASTING_LAG_SHARE * lag
         equal = [run for run in _runs(apart[begin:end] <= tolerance) if run[1] - run[0] >= shortest]
         if equal:
             best = (begin + equal[0][0], begin + equal[-1][1])
@@ -227,7 +249,7 @@ def _part(
 
 def _repeated_difference(signal: np.ndarray, lag: float) -> np.ndarray:
     """signal(k + lag) - signal(k) for every k at which both exist; linear between samples."""
-    whole = round(lag) if abs(lag - round(lag)) < ROUNDING * lag else int(lag)
+    whole = round(lag) if abs(lag - round(lag)) < ROUNDING_RANGE_SHARE * lag else int(lag)
     share = max(lag - whole, 0.0)
     n = len(signal) - whole - (share > 0.0)
     ahead = signal[whole : whole + n]
@@ -242,34 +264,13 @@ def _rms(signal: np.ndarray) -> float:
 
 
 def _window(lag: float) -> int:
-    return 2 * round(WINDOW * lag / 2) + 1
+    return 2 * round(WINDOW_LAG_SHARE * lag / 2) + 1
 
 
 def _runs(where: np.ndarray) -> list[tuple[int, int]]:
     """Begin and end of each run of True."""
     edges = np.flatnonzero(np.diff(where, prepend=False, append=False))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-
-
-REPEATS = 0.05
-"""A motion repeats if it differs from itself by less than this share of its own rms."""
-CLEARLY = 3.0
-"""A longer period is meant if the motion then differs from itself so many times less, ..."""
-VISIBLY = 0.004
-"""... and by more than this share of its rms after the shorter one."""
-SEEN = 0.99
-"""Share of a second period that must be there for the first to count as repeated: the very last
-sample of two whole periods may be missing."""
-EXACT = 5e-4
-"""Share of a given period, beside one sample, by which it may be off."""
-SEARCHED = 3000
-"""Samples of the motion, thinned, in which the period is sought; then it is found exactly."""
-LONGEST = 0.55
-"""Share of the motion up to which lags are tried: two periods, and a little for the search."""
-ALIKE = 1e-6
-"""Rms difference, as a share of the range, up to which whole periods repeat equally well."""
-NEARLY = 0.05
-"""Share of the lag."""
 
 
 @dataclass(frozen=True)
@@ -297,7 +298,10 @@ def periodic_part(log: Log, period: float | None) -> Periodicity:
         else:
             motion = Repetition.of(position.time, position.value)
             difference = _difference(motion, part.period / motion.step)
-            if difference <= REPEATS or part.end - part.start < 2 * SEEN * part.period:
+            if (
+                difference <= REPEATING_RMS_SHARE
+                or part.end - part.start < 2 * LEAST_PERIOD_SHARE * part.period
+            ):
                 return part
             raise DataError(
                 f"{log.source}: {reference.origin} repeats after {part.period:.4g} s, but the "
@@ -330,13 +334,17 @@ def detect_periodicity(
 def _found(motion: Repetition) -> Periodicity:
     best: Agreement | None = None
     compared = _compared(motion)
-    for lag in _candidates(compared, REPEATS):
-        one = agreement(motion, lag)
-        if one is None or one.last - one.first < SEEN * one.lag or one.difference > REPEATS:
+    for lag in _candidates(compared, REPEATING_RMS_SHARE):
+        found = agreement(motion, lag)
+        if (
+            found is None
+            or found.last - found.first < LEAST_PERIOD_SHARE * found.lag
+            or found.difference > REPEATING_RMS_SHARE
+        ):
             continue
-        if best is None or one.difference < best.difference / CLEARLY:
-            best = one
-        if best.difference <= VISIBLY:
+        if best is None or found.difference < best.difference / LONGER_PERIOD_FACTOR:
+            best = found
+        if best.difference <= VISIBLE_RMS_SHARE:
             break
     if best is not None:
         return _periodicity(motion, best, best.lag * motion.step)
@@ -360,17 +368,21 @@ def _checked(motion: Repetition, period: float) -> Periodicity:
                 "correct --period"
             )
         apart = _gap_at_the_ends(motion)
-        if apart > REPEATS:
+        if apart > REPEATING_RMS_SHARE:
             raise DataError(
                 f"after the given period of {period:g} s the motion is not where it began: the "
                 f"ends are {apart:.0%} of its rms apart; correct --period"
             )
         return Periodicity(period, motion.start, motion.start + _duration(motion))
     near = agreement(motion, lag)
-    wanted = min(SEEN * lag, OVERLAP * overlap)
-    if near is not None and near.last - near.first >= wanted and near.difference <= REPEATS:
+    wanted = min(LEAST_PERIOD_SHARE * lag, LEAST_COMPARED_SHARE * overlap)
+    if (
+        near is not None
+        and near.last - near.first >= wanted
+        and near.difference <= REPEATING_RMS_SHARE
+    ):
         off = abs(near.lag - lag)
-        if off <= 1.0 + EXACT * lag:
+        if off <= 1.0 + PERIOD_TOLERANCE * lag:
             return _periodicity(motion, agreement(motion, lag, known=True) or near, period)
     difference = _difference(motion, lag)
     try:
@@ -378,7 +390,9 @@ def _checked(motion: Repetition, period: float) -> Periodicity:
     except DataError:
         found = (
             f"it repeats after {near.lag * motion.step:.5g} s"
-            if near is not None and near.last - near.first >= wanted and near.difference <= REPEATS
+            if near is not None
+            and near.last - near.first >= wanted
+            and near.difference <= REPEATING_RMS_SHARE
             else "nor does it after any other time"
         )
     raise DataError(
@@ -436,9 +450,9 @@ def _gap_at_the_ends(motion: Repetition) -> float:
 
 
 def _compared(motion: Repetition) -> _Compared:
-    thin = -(-motion.samples // SEARCHED)
+    thin = -(-motion.samples // SEARCH_SAMPLES)
     coarse = replace(motion, signal=motion.signal[::thin])
-    lags = np.arange(1, int(LONGEST * coarse.samples))
+    lags = np.arange(1, int(LONGEST_LAG_SHARE * coarse.samples))
     difference = np.array([coarse.nearest(int(lag))[0] for lag in lags])
     risen = int(np.argmax(difference > 0.5 * np.minimum(difference, 1.0).mean()))
     power = 2.0 * (coarse.signal**2).sum(axis=1).mean()
@@ -454,7 +468,7 @@ def _periodicity(motion: Repetition, part: Agreement, period: float) -> Periodic
 
 
 def _best_end(motion: Repetition, part: Agreement) -> int:
-    """Sample at which the whole periods end that repeat best, up to `NEARLY` before the part does.
+    """Sample at which the whole periods that repeat best end, near the end of the part.
 
     A machine that runs down leaves its path so slowly that its position is equal for a while when
     its acceleration is not.
@@ -464,7 +478,7 @@ def _best_end(motion: Repetition, part: Agreement) -> int:
     if compared < 1 or slack < 1:
         return part.last
     sums = np.cumsum(np.concatenate([[0.0], distance(motion, part.lag) ** 2]))
-    begins = part.last - compared - np.arange(min(slack, int(NEARLY * part.lag)) + 1)
+    begins = part.last - compared - np.arange(min(slack, int(LATEST_END_SHARE * part.lag)) + 1)
     cost = sums[begins + compared] - sums[begins]
-    alike = cost <= cost.min() + compared * ALIKE**2
+    alike = cost <= cost.min() + compared * EQUAL_RMS_SHARE**2
     return int(begins[alike.argmax()] + compared)

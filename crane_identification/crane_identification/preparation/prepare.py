@@ -13,21 +13,25 @@ from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
-from crane_identification.preparation.averaging import averaged, whole_periods
 from crane_identification.preparation.periodicity import Periodicity, periodic_part
 from crane_identification.preparation.run import (
     Preparation,
     along_reference,
+    averaged,
     record_of,
     resolution_of,
     signals_of,
     where_moving,
+    whole_periods,
 )
-from crane_identification.signals.decimate import PADDING, trusted_bandwidth
+from crane_identification.signals.decimate import FILTER_PADDING, trusted_bandwidth
 from crane_identification.signals.routes import estimate_record
 from crane_model.errors import DataError, NoMotionError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
+
+TOUCHING = 1.0  # s by which recordings of one session may overlap, as parts of one that was split
+COOLED = 4 * 3600.0  # s of a pause after which the machine is cold again: another session
 
 
 def prepare(
@@ -108,10 +112,10 @@ def _whole(
     known = where_moving(model, motion, step, False, options)
     spoilt = int(np.ceil(1.0 / (trusted_bandwidth(bandwidth, known) * step)))
     begin, end = options.trim if options.trim is not None else (spoilt, spoilt)
-    if begin + end + PADDING >= len(rows):
+    if begin + end + FILTER_PADDING >= len(rows):
         raise DataError(
             f"{log.source}: too little is left of {len(rows)} samples after cutting {begin} at the "
-            f"start and {end} at the end, where the motion is not known; record longer, or mend "
+            f"start and {end} at the end, where the motion is not known; record longer, or repair "
             "what interrupts the recording"
         )
     kept = slice(begin, len(rows) - end)
@@ -133,16 +137,17 @@ def _whole(
 
 # Recordings prepared in the time of their session: oil that warms up does so in pauses as well.
 
-TOUCHING = 1.0  # s by which recordings of one session may overlap, as parts of one that was split
-COOLED = 4 * 3600.0  # s of a pause after which the machine is cold again: another session
-
 
 @dataclass(frozen=True)
 class Session:
-    """`start` [ns] of the session of each recording, by its source, on the clock of the recordings.
+    """Sessions of recordings, in which time and the temperature of the oil go on.
 
-    `fallback` says why the stamps are no common clock, so that each recording is a session of its
-    own; None if they are one.
+    Parameters
+    ----------
+    start : dict of str to int
+        Start of the session of each recording by its source, on the recordings' clock [ns].
+    fallback : str or None
+        Why the stamps are not a common clock, so that each recording is a session of its own.
     """
 
     start: dict[str, int]
@@ -182,9 +187,9 @@ def prepare_all(
     Raises `DataError` without recordings, and as `prepare`.
     """
     return [
-        one
+        preparation
         for prepared in _one_by_one(model, logs, options, progress, session)
-        for one in prepared()
+        for preparation in prepared()
     ]
 
 
@@ -205,7 +210,7 @@ def prepare_moving(
     one_by_one = _one_by_one(model, logs, options, progress, session)
     for log, prepared in zip(logs, one_by_one, strict=True):
         with suppress(NoMotionError):
-            in_motion = [one for one in prepared() if one.moving.any()]
+            in_motion = [preparation for preparation in prepared() if preparation.moving.any()]
             moving += in_motion
             if in_motion:
                 continue
@@ -219,11 +224,7 @@ def prepare_moving(
 
 
 def _one_by_one(
-    model: Model,
-    logs: Sequence[Log],
-    options: Options,
-    progress: Progress,
-    session: Session | None,
+    model: Model, logs: Sequence[Log], options: Options, progress: Progress, session: Session | None
 ) -> Iterator[Callable[[], list[Preparation]]]:
     if not logs:
         raise DataError(f"model '{model.name}': no recordings given; give at least one")

@@ -12,15 +12,20 @@ from scipy.optimize import lsq_linear
 from crane_identification.data.log import Log
 from crane_identification.data.resample import resample
 from crane_identification.notation import spoken
+from crane_identification.recording_check.forces import (
+    FORCE_FILTER_ORDER,
+    FORCE_FILTER_PADDING,
+    TINY,
+)
 from crane_identification.recording_check.suspicion import (
     ARM_BANDWIDTH,
     BETTER,
     CORRELATED,
+    FORCE_SETTLING_S,
     LEAST_MOTION,
+    NEGATIVE_SIGMAS,
     POOR,
     ROWS,
-    SETTLING,
-    SIGMAS,
     SLOW,
     UNEXPLAINED,
     WORKING_RATE,
@@ -32,11 +37,8 @@ from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 
-ORDER = 4
-PADDING = 3 * ORDER
-TINY = float(np.finfo(float).tiny)
 TURNS = {"+90°": np.pi / 2, "-90°": -np.pi / 2, "180°": np.pi}  # that a zero may be off
-ROUNDS = 1000  # of finding factors and parameters in turn
+FACTOR_ROUNDS = 1000  # of finding factors and parameters in turn
 SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
 
 
@@ -55,15 +57,17 @@ class ArmMotion:
         """The longest run without a gap; `DataError` if it is too short or nothing moves."""
         samples = resample(log)
         rows = np.flatnonzero(samples.run == np.bincount(samples.run).argmax())
-        if len(rows) <= PADDING or samples.rate <= 2.0 * ARM_BANDWIDTH:
+        if len(rows) <= FORCE_FILTER_PADDING or samples.rate <= 2.0 * ARM_BANDWIDTH:
             raise DataError(f"{len(rows)} samples at {samples.rate:.3g} Hz are too few")
-        sections = signal.butter(ORDER, ARM_BANDWIDTH, fs=samples.rate, output="sos")
+        sections = signal.butter(FORCE_FILTER_ORDER, ARM_BANDWIDTH, fs=samples.rate, output="sos")
         every = max(1, int(samples.rate / WORKING_RATE))
         step = every / samples.rate
 
         def smooth(values: np.ndarray) -> np.ndarray:
             return np.asarray(
-                signal.sosfiltfilt(sections, values[rows], axis=0, padlen=PADDING)[::every]
+                signal.sosfiltfilt(sections, values[rows], axis=0, padlen=FORCE_FILTER_PADDING)[
+                    ::every
+                ]
             )
 
         position = smooth(samples.position)
@@ -74,15 +78,11 @@ class ArmMotion:
                 raise DataError("no forces, and no machine that makes them of pressures")
             assert samples.pressure_b is not None  # a recording has both chambers
             force = generalized_forces(
-                machine,
-                samples.position,
-                samples.pressure_a,
-                samples.pressure_b,
-                log.joints,
+                machine, samples.position, samples.pressure_a, samples.pressure_b, log.joints
             )
         fast = np.abs(velocity) > SLOW * np.abs(velocity).max(axis=0)
-        around = max(1, round(SETTLING / step))
-        moving = np.stack([binary_erosion(one, iterations=around) for one in fast.T], axis=1)
+        around = max(1, round(FORCE_SETTLING_S / step))
+        moving = np.stack([binary_erosion(column, iterations=around) for column in fast.T], axis=1)
         if (moving.sum() * step) < LEAST_MOTION:
             raise DataError(f"{LEAST_MOTION:g} s of motion needed, got {moving.sum() * step:.1f} s")
         record = Record(
@@ -113,13 +113,13 @@ def signs(moved: ArmMotion) -> Iterator[Suspicion]:
         found = inverse @ moved.force[rows, j]
         left = moved.force[rows, j] - columns / scale @ found
         covariance = CORRELATED * np.mean(left**2) * (inverse @ inverse.T)
-        own = 1 + 3 * q.shape[1] + j
-        inertia = found[own] / max(float(np.sqrt(covariance[own, own])), TINY)
+        at_inertia = 1 + 3 * q.shape[1] + j
+        inertia = found[at_inertia] / max(float(np.sqrt(covariance[at_inertia, at_inertia])), TINY)
         power = columns[:, -2:] / scale[-2:] @ found[-2:] * v[rows, j]
         along = (columns[:, -2:] / scale[-2:] * v[rows, j, np.newaxis]).sum(axis=0)
         doubt = float(np.sqrt(max(along @ covariance[-2:, -2:] @ along, 0.0)))
         friction = float(power.sum()) / max(doubt, TINY)
-        if inertia < -SIGMAS and friction < -SIGMAS:
+        if inertia < -NEGATIVE_SIGMAS and friction < -NEGATIVE_SIGMAS:
             yield Suspicion(
                 spoken(joint),
                 f"friction would feed it with {-power.mean():.3g} W on average, and its inertia "
@@ -142,7 +142,10 @@ class _Fit:
         self.scale = np.where(rms > 0.0, rms, 1.0)
         self.force = (moved.force / self.scale)[used]
         self.low = np.array(
-            [-np.inf if one.minimum is None else one.minimum for one in model.parameters]
+            [
+                -np.inf if parameter.minimum is None else parameter.minimum
+                for parameter in model.parameters
+            ]
         )
 
     def basis(self, record: Record) -> "_Basis":
@@ -159,11 +162,11 @@ class _Fit:
         """
         count = len(self.scale)
         factor, force = np.ones(count), self.force
-        own = np.bincount(self.joint, self.force**2, minlength=count)
-        for _ in range(ROUNDS):
+        power = np.bincount(self.joint, self.force**2, minlength=count)
+        for _ in range(FACTOR_ROUNDS):
             predicted = basis.q @ (basis.q.T @ force)  # whatever the signs, for speed
             along = np.bincount(self.joint, predicted * self.force, minlength=count)
-            factor = np.divide(along, own, out=np.ones(count), where=own > 0.0)
+            factor = np.divide(along, power, out=np.ones(count), where=power > 0.0)
             factor /= np.sqrt(np.mean(factor**2))
             force = factor[self.joint] * self.force
         residual = (force - basis.predicted(force)) / factor[self.joint]
@@ -212,7 +215,8 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
         yield Suspicion(spoken(joint), evidence.format(without), what, decisive=True)
     elif BETTER * by_factors < left and (factors > 0.0).all():
         named = ", ".join(
-            f"{spoken(one)} {factor:.3g}" for one, factor in zip(model.joints, factors, strict=True)
+            f"{spoken(joint)} {factor:.3g}"
+            for joint, factor in zip(model.joints, factors, strict=True)
         )
         yield Suspicion(
             "forces",

@@ -6,26 +6,21 @@ from pathlib import Path
 
 from crane_identification.data.log import Log
 from crane_identification.recording_check.arm import ArmMotion, arm, signs
-from crane_identification.recording_check.clocks import clocks, missing, sampling
-from crane_identification.recording_check.grid import grid
-from crane_identification.recording_check.positions import positions
-from crane_identification.recording_check.pressures import pressures
+from crane_identification.recording_check.clocks import clocks, missing, positions, sampling
+from crane_identification.recording_check.forces import grid
 from crane_identification.recording_check.suspicion import Checked, Suspicion
-from crane_identification.recording_check.transducers import transducers
+from crane_identification.recording_check.transducers import pressures, transducers
 from crane_identification.recording_check.wiring import wiring
 from crane_model.errors import ConfigurationError, DataError, RangeError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_observer.monitor.replay import watch
 
-# Sensors that began to lie while a bag was recorded, by an earlier model of the machine.
 
+def faulty_sensors(model: Model, recordings: Sequence[Path], end: float) -> tuple[str, ...]:
+    """Warnings of sensors that failed in bags before `end` [s], by an earlier `model`.
 
-def lying(model: Model, recordings: Sequence[Path], end: float) -> tuple[str, ...]:
-    """Warnings of bags that are not fit for identification up to `end` [s].
-
-    By a model with hydraulics, and of bags that hold pressures and valve commands:
-    without them, too little is told for the time that it takes.
+    Only a model with hydraulics, and bags with pressures and valve commands, tell enough.
     """
     if model.hydraulics is None:
         return ()
@@ -35,7 +30,7 @@ def lying(model: Model, recordings: Sequence[Path], end: float) -> tuple[str, ..
             seen = watch(bag, model, None)
         except DataError:  # without them there is nothing to compare
             continue
-        warnings += [f"{bag}: {one}" for one in seen.findings if one.onset < end]
+        warnings += [f"{bag}: {finding}" for finding in seen.findings if finding.onset < end]
     return tuple(warnings)
 
 
@@ -48,7 +43,7 @@ def check(machine: Machine | None, log: Log, model: Model | None = None) -> Chec
     repeat it in other words. Never raises what the fit will say better.
     """
     absent = list(missing(log))
-    if any(one.decisive for one in absent):
+    if any(suspicion.decisive for suspicion in absent):
         return _result(log, absent, "all else: there is too little to look at")
     found: list[Suspicion] = [*absent, *clocks(log), *transducers(log)]
     if machine is None:
@@ -60,7 +55,7 @@ def check(machine: Machine | None, log: Log, model: Model | None = None) -> Chec
         reason = f"limits, pressures, forces: {', '.join(log.uncalibrated)} in counts"
         return _result(log, found, reason)
     found += [*positions(machine, log), *pressures(machine, log)]
-    if any(one.decisive for one in found):
+    if any(suspicion.decisive for suspicion in found):
         return _result(log, found, "forces: what is wrong above would show there again")
     if machine.planar is None:
         looked, reasons = _forces(log, machine, model)
@@ -102,13 +97,18 @@ def vetted(
     The option that trusts a recording is --trust-recordings.
     """
     checked = [check(machine, log, model) for log in logs]
-    refused = [f"{one.source}: {wrong}" for one in checked for wrong in one.decisive]
+    refused = [
+        f"{recording.source}: {wrong}" for recording in checked for wrong in recording.decisive
+    ]
     if refused and not trusted:
         raise DataError(
-            "\n".join(refused) + "\nRecord again or mend the column map or machine file; if the "
+            "\n".join(refused)
+            + "\nRecord again or correct the column map or the machine file; if the "
             "recording is right, --trust-recordings goes on with it"
         )
-    return tuple(f"{one.source}: {wrong}" for one in checked for wrong in one.suspicions)
+    return tuple(
+        f"{recording.source}: {wrong}" for recording in checked for wrong in recording.suspicions
+    )
 
 
 @contextmanager

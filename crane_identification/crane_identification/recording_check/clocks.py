@@ -1,4 +1,4 @@
-"""Checks of stamps: clocks of topics, and how often signals were sampled."""
+"""Checks of clocks, sampling and encoder positions."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -14,22 +14,30 @@ from crane_identification.data.resample import (
 )
 from crane_identification.notation import spoken
 from crane_identification.recording_check.suspicion import (
+    ALMOST_ALL,
+    COARSE,
     DRIFT,
     HELD,
-    HELD_COUNTS,
     LEAST_DRIFT,
     LEAST_RATE,
     OFFSET,
+    OUTSIDE,
+    REPEATED_COUNTS,
     SLOWEST,
     SPEED_OVER,
     TOGETHER,
+    TOO_FAST,
+    TURN,
+    UNITS_OF_ANGLE,
+    UNITS_OF_LENGTH,
+    VISIBLE,
     Suspicion,
 )
 from crane_identification.signals.motion import encoder_resolution
-
-# Clocks of topics: header stamps against the recorder's clock, and topics against each other.
+from crane_model.machine import Machine
 
 FEWEST = 20  # messages
+LARGEST_TURN = 3  # turns that an encoder may be off
 
 
 class Lag(NamedTuple):
@@ -88,7 +96,7 @@ def clocks(log: Log) -> Iterator[Suspicion]:
 
 def _set_back(log: Log) -> Iterator[Suspicion]:
     signals = (log.position, log.force, log.pressure_a, log.command)
-    found = {one.origin: one.set_back for one in signals if one and one.set_back}
+    found = {signal.origin: signal.set_back for signal in signals if signal and signal.set_back}
     for origin, back in found.items():
         yield Suspicion(
             origin,
@@ -117,7 +125,7 @@ def _lag(signal: Signal) -> Lag | None:
 
 def missing(log: Log) -> Iterator[Suspicion]:
     """Samples that are not there: too few, gaps, and signals without a common time."""
-    signals = {one.origin: one for one in _needed(log)}
+    signals = {signal.origin: signal for signal in _needed(log)}
     for origin, signal in signals.items():
         complete = np.isfinite(signal.value).all(axis=1)
         if (count := int(complete.sum())) < SHORTEST_RUN:
@@ -131,8 +139,8 @@ def missing(log: Log) -> Iterator[Suspicion]:
             return
         if np.median(np.diff(signal.time)) < LARGEST_GAP:
             yield from _gaps(signal)
-    begin = max(one.time[0] for one in signals.values())
-    end = min(one.time[-1] for one in signals.values())
+    begin = max(signal.time[0] for signal in signals.values())
+    end = min(signal.time[-1] for signal in signals.values())
     whole = log.position.time[-1] - log.position.time[0]
     if end - begin < TOGETHER * whole:
         times = (f"{o} from {s.time[0]:.1f} s to {s.time[-1]:.1f} s" for o, s in signals.items())
@@ -147,19 +155,21 @@ def missing(log: Log) -> Iterator[Suspicion]:
 
 
 def _needed(log: Log) -> list[Signal]:
-    return [one for one in (log.position, log.force, log.pressure_a, log.pressure_b) if one]
+    return [
+        signal for signal in (log.position, log.force, log.pressure_a, log.pressure_b) if signal
+    ]
 
 
 def _gaps(signal: Signal) -> Iterator[Suspicion]:
     found = interruptions(signal)
-    if not len(found):
+    if not found:
         return
-    begin, length = found[found[:, 1].argmax()]
-    evidence = f"nothing for {length:.3g} s from {begin:.4g} s on"
+    longest = max(found, key=lambda gap: gap.length)
+    evidence = f"nothing for {longest.length:.3g} s from {longest.begin:.4g} s on"
     if len(found) > 1:
         evidence = (
-            f"{len(found)} gaps, {found[:, 1].sum():.3g} s in all; the longest: {evidence}, the "
-            f"first from {found[0, 0]:.4g} s on"
+            f"{len(found)} gaps, {sum(gap.length for gap in found):.3g} s in all; the longest: "
+            f"{evidence}, the first from {found[0].begin:.4g} s on"
         )
     yield Suspicion(
         signal.origin,
@@ -190,7 +200,7 @@ def _held(signal: Signal, joints: tuple[str, ...]) -> Iterator[Suspicion]:
     resolution = encoder_resolution(signal.value[np.isfinite(signal.value).all(axis=1)])
     for joint, value, step in zip(joints, signal.value.T, resolution, strict=True):
         travel = np.abs(value[2 * span :] - value[: -2 * span]) / (2 * span)  # a sample
-        moves = travel > HELD_COUNTS * step
+        moves = travel > REPEATED_COUNTS * step
         repeated = (np.diff(value) == 0.0)[span : span + len(moves)][moves]
         if len(repeated) > span and repeated.mean() > HELD:
             fresh = rate * (1.0 - repeated.mean())
@@ -200,3 +210,103 @@ def _held(signal: Signal, joints: tuple[str, ...]) -> Iterator[Suspicion]:
                 f"measured {fresh:.0f} times a second, and sent again {rate:.0f} times",
                 decisive=fresh < SLOWEST,
             )
+
+
+# Positions against Table 2: units, turns of an encoder, signs, exchanged names, speeds.
+
+
+def positions(machine: Machine, log: Log) -> Iterator[Suspicion]:
+    """What is suspicious of the encoders of the machine's joints."""
+    ranges = {}
+    for joint, column in zip(log.joints, log.position.value.T, strict=True):
+        if joint in machine.limits:
+            time, value = log.position.time, column
+            known = np.isfinite(value)
+            ranges[joint] = _range(value[known])
+            yield from _steps(machine, joint, value[known])
+            if _fits(machine, joint, ranges[joint]):
+                yield from _speed(machine, joint, time[known], value[known])
+    for joint in ranges:
+        yield from _outside(machine, joint, ranges)
+
+
+def _range(value: np.ndarray) -> np.ndarray:
+    return np.percentile(value, ALMOST_ALL)
+
+
+def _fits(machine: Machine, joint: str, values: np.ndarray) -> bool:
+    """Whether lowest and highest of `values` lie within Table 2."""
+    limits = machine.limits[joint]
+    margin = OUTSIDE * (limits.position_max - limits.position_min)
+    return bool(
+        limits.position_min - margin <= values.min()
+        and values.max() <= limits.position_max + margin
+    )
+
+
+def _outside(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -> Iterator[Suspicion]:
+    seen, unit = ranges[joint], machine.units[joint]
+    if _fits(machine, joint, seen):
+        return
+    limits = machine.limits[joint]
+    evidence = (
+        f"from {seen[0]:.4g} to {seen[1]:.4g} {unit}, but the machine file allows "
+        f"{limits.position_min:g} to {limits.position_max:g} {unit}"
+    )
+    causes = list(_explanations(machine, joint, ranges))
+    cause = " or ".join(causes) or "the zero of the encoder, or the machine file, is wrong"
+    yield Suspicion(spoken(joint), evidence, cause, decisive=bool(causes))
+
+
+def _explanations(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -> Iterator[str]:
+    """Which simple mistakes put the positions where they are."""
+    seen, angle = ranges[joint], machine.units[joint] == "rad"
+    for neighbour, there in ranges.items():
+        mutual = _fits(machine, neighbour, seen) and _fits(machine, joint, there)
+        if neighbour != joint and mutual:
+            yield f"exchanged names: they fit the {spoken(neighbour)}, whose positions fit here"
+    if angle:
+        for turns in (sign * n for n in range(1, LARGEST_TURN + 1) for sign in (1, -1)):
+            if _fits(machine, joint, seen - turns * TURN):
+                yield f"the encoder is off by {turns:+d} turn{'s' * (abs(turns) > 1)}"
+    if _fits(machine, joint, -seen):
+        yield "the sign is turned"
+    limits = machine.limits[joint]
+    least = VISIBLE * (limits.position_max - limits.position_min)
+    for unit, factor in (UNITS_OF_ANGLE if angle else UNITS_OF_LENGTH).items():
+        if _fits(machine, joint, factor * seen) and factor * np.ptp(seen) > least:
+            yield f"positions look like {unit}"
+
+
+def _speed(
+    machine: Machine, joint: str, time: np.ndarray, value: np.ndarray
+) -> Iterator[Suspicion]:
+    limits, unit = machine.limits[joint], machine.units[joint]
+    begin = np.searchsorted(time, time - SPEED_OVER)
+    passed = time - time[begin]
+    speed = (value - value[begin])[passed > 0.5 * SPEED_OVER] / passed[passed > 0.5 * SPEED_OVER]
+    if not len(speed):
+        return
+    down, up = _range(speed)
+    over = max(up / limits.velocity_max, down / limits.velocity_min)
+    if over > TOO_FAST:
+        yield Suspicion(
+            spoken(joint),
+            f"speeds from {down:.3g} to {up:.3g} {unit}/s, but the machine file allows "
+            f"{limits.velocity_min:g} to {limits.velocity_max:g} {unit}/s",
+            "positions or times have another unit, or the machine file is of another machine",
+            decisive=False,
+        )
+
+
+def _steps(machine: Machine, joint: str, value: np.ndarray) -> Iterator[Suspicion]:
+    step = float(encoder_resolution(value[:, np.newaxis])[0])
+    width = float(np.ptp(value))
+    if 0.0 < width < COARSE * step:
+        yield Suspicion(
+            spoken(joint),
+            f"its whole motion of {width:.3g} {machine.units[joint]} is {width / step:.0f} steps "
+            "of the encoder",
+            "the encoder is too coarse for this motion, or positions were rounded",
+            decisive=False,
+        )

@@ -2,41 +2,166 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import signal
+from scipy.ndimage import binary_erosion
 from scipy.optimize import lsq_linear, minimize
 
+from crane_identification.data.log import Log
+from crane_identification.data.resample import resample
 from crane_identification.notation import spoken
-from crane_identification.recording_check.grid import Grid
 from crane_identification.recording_check.suspicion import (
     AGREEING,
-    ALIKE,
     ALONE,
+    BANDWIDTH,
     CORRELATED,
     DELAY_STEP,
     DRIFT,
-    KNOWN,
+    FORCE_SETTLING_S,
+    KNOWN_MASS_SIGMA,
     LARGEST_DRIFT,
     LEAST_DRIFT,
+    LEAST_MOTION,
     LEAST_UNEXPLAINED,
     LONGEST_DELAY,
+    MOVING,
     POWER_LEFT,
     ROWS,
+    SAME_FACTOR_TOLERANCE,
     SHORTEST_DELAY,
+    WORKING_RATE,
     Suspicion,
 )
-from crane_model.errors import RangeError
+from crane_model.cylinders import lever_arms
+from crane_model.errors import DataError, RangeError
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
+from crane_model.record import Record
 from crane_model.terms.term import Setting
 
-# How much of the measured force a crane with plausible masses and friction can explain.
-
+FORCE_FILTER_ORDER = 4
+FORCE_FILTER_PADDING = 3 * FORCE_FILTER_ORDER
 NEGLIGIBLE = 1e-9  # relative size of a direction that the data do not determine
+RECORD_MOTION = ("position", "velocity", "acceleration")
+CHAMBERS = ("pressure_a", "pressure_b")
+TINY = float(np.finfo(float).tiny)
+SHORTEST_RECORDING = 6.0 * LONGEST_DELAY  # s, of which the ends are not used
+DELAYS_S = np.arange(-LONGEST_DELAY, LONGEST_DELAY + DELAY_STEP / 2, DELAY_STEP)  # s
+DRIFTS = np.linspace(-LARGEST_DRIFT, LARGEST_DRIFT, 17)  # s/s, a quarter of a per cent apart
+
+
+@dataclass(frozen=True)
+class Grid:
+    """n samples of j joints every `step` s: the longest run of a recording without gaps.
+
+    `record` holds motion, and pressures and command where logged, all with one smooth low-pass;
+    `force` (n, j) is the generalized force where that, not pressures, was logged. Supply and tank
+    are those of the machine where they were not logged.
+    """
+
+    machine: Machine
+    record: Record
+    force: np.ndarray | None
+    step: float
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return self.record.joints
+
+    @cached_property
+    def moving(self) -> np.ndarray:
+        """(n, j) where friction has one sign, and has settled."""
+        limits = [self.machine.limits[joint] for joint in self.joints]
+        slowest = MOVING * np.array(
+            [min(limit.velocity_max, -limit.velocity_min) for limit in limits]
+        )
+        moves = np.abs(self.record.velocity) > slowest
+        around = max(1, round(FORCE_SETTLING_S / self.step))
+        return np.stack([binary_erosion(column, iterations=around) for column in moves.T], axis=1)
+
+    @cached_property
+    def arms(self) -> np.ndarray:
+        """(n, j) lever arms; `RangeError` where a linkage cannot be assembled."""
+        return lever_arms(self.machine, self.record.position, self.joints)
+
+    @cached_property
+    def pistons(self) -> np.ndarray:
+        """(n, j) cylinder forces (19), or generalized forces where those were logged."""
+        if self.force is not None:
+            return self.force
+        record, cylinders = self.record, [self.machine.cylinders[joint] for joint in self.joints]
+        area_a = np.array([cylinder.area_a for cylinder in cylinders])
+        area_b = np.array([cylinder.area_b for cylinder in cylinders])
+        return area_a * record.pressure_a - area_b * record.pressure_b
+
+    def generalized(self, pistons: np.ndarray) -> np.ndarray:
+        """(n, j) generalized forces (27) of `pistons`."""
+        return pistons if self.force is not None else self.arms * pistons
+
+
+def grid(machine: Machine, log: Log, joints: tuple[str, ...]) -> Grid:
+    """The joints `joints` of a log; `DataError` if they hardly move, or are not logged together."""
+    samples = resample(log)
+    run = np.bincount(samples.run).argmax()
+    every = max(1, int(samples.rate / WORKING_RATE))
+    step = every / samples.rate
+    rows = np.flatnonzero(samples.run == run)
+    columns = np.array([log.joints.index(joint) for joint in joints])
+    if len(rows) <= FORCE_FILTER_PADDING or samples.rate <= 2.0 * BANDWIDTH:
+        raise DataError(f"{len(rows)} samples at {samples.rate:.3g} Hz are too few")
+    sections = signal.butter(FORCE_FILTER_ORDER, BANDWIDTH, fs=samples.rate, output="sos")
+
+    def smooth(values: np.ndarray | None) -> np.ndarray | None:
+        if values is None or not np.isfinite(values[rows]).all():
+            return None
+        kept = values[rows] if values.ndim == 1 else values[np.ix_(rows, columns)]
+        return signal.sosfiltfilt(sections, kept, axis=0, padlen=FORCE_FILTER_PADDING)[::every]
+
+    def constant(values: np.ndarray | None, stated: float) -> np.ndarray:
+        found = smooth(values)
+        return np.full(len(time), stated) if found is None else found
+
+    time = samples.time[rows][::every]
+    position = smooth(samples.position)
+    assert position is not None  # resample leaves no NaN
+    velocity = np.gradient(position, step, axis=0)
+    hydraulics = machine.hydraulics
+    whole = Grid(
+        machine,
+        Record(
+            joints=joints,
+            time=time,
+            position=position,
+            velocity=velocity,
+            acceleration=np.gradient(velocity, step, axis=0),
+            pressure_a=smooth(samples.pressure_a),
+            pressure_b=smooth(samples.pressure_b),
+            command=smooth(_closed_before(samples.command)),
+            supply_pressure=constant(samples.supply_pressure, hydraulics.supply_pressure),
+            tank_pressure=constant(samples.tank_pressure, hydraulics.tank_pressure),
+        ),
+        smooth(samples.force),
+        step,
+    )
+    seconds = dict(zip(joints, whole.moving.sum(axis=0) * step, strict=True))
+    lazy = [f"{joint} {time:.1f} s" for joint, time in seconds.items() if time < LEAST_MOTION]
+    if lazy:
+        raise DataError(f"{LEAST_MOTION:g} s of motion needed, got of {', '.join(lazy)}")
+    return whole
+
+
+def _closed_before(command: np.ndarray | None) -> np.ndarray | None:
+    """(n, j) with valves closed where no command was logged yet, if any was."""
+    return None if command is None or np.isnan(command).all() else np.nan_to_num(command)
+
+
+# How much of the measured force a crane with plausible masses and friction can explain.
 
 
 def crane(machine: Machine) -> Model:
@@ -79,8 +204,11 @@ class Equations:
         plausible = model.machine.plausible
         low, high = np.array(
             [
-                plausible.get(one.name, (-np.inf if one.minimum is None else one.minimum, np.inf))
-                for one in model.parameters
+                plausible.get(
+                    parameter.name,
+                    (-np.inf if parameter.minimum is None else parameter.minimum, np.inf),
+                )
+                for parameter in model.parameters
             ]
         ).T
         q, r = np.linalg.qr(self.columns)
@@ -119,7 +247,7 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
     plausible = model.machine.plausible
     wrong, ratios = [], []
     for parameter, value, spread in zip(model.parameters, values, std_devs, strict=True):
-        if parameter.name not in plausible or spread > KNOWN * abs(value):
+        if parameter.name not in plausible or spread > KNOWN_MASS_SIGMA * abs(value):
             continue
         low, high = plausible[parameter.name]
         ratios.append(value / np.sqrt(low * high))
@@ -135,7 +263,7 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
     if (known < 0.0).all():
         cause = "the load would lift the crane: the sign of the forces is turned"
         yield Suspicion(where, evidence, cause, decisive=True)
-    elif len(known) > 1 and (np.abs(known / factor - 1.0) < ALIKE).all():
+    elif len(known) > 1 and (np.abs(known / factor - 1.0) < SAME_FACTOR_TOLERANCE).all():
         cause = (
             f"all are about {factor:.2g} times what is plausible: unit of force or pressure, "
             "piston areas, or the plausible masses of the machine file"
@@ -147,9 +275,6 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
 
 
 # Mix-ups of wiring and names, and the recording as it would be without each.
-
-MOTION = ("position", "velocity", "acceleration")
-PRESSURES = ("pressure_a", "pressure_b")
 
 
 @dataclass(frozen=True)
@@ -166,10 +291,10 @@ class Repair:
 
 def repairs(whole: Grid) -> Iterator[Repair]:
     """Every single mix-up undone."""
-    measured = ("force",) if whole.force is not None else PRESSURES
+    measured = ("force",) if whole.force is not None else CHAMBERS
     for j, joint in enumerate(whole.joints):
         signs = np.where(np.arange(len(whole.joints)) == j, -1.0, 1.0)
-        turned = _changed(whole, MOTION, lambda values, s=signs: s * values)
+        turned = _changed(whole, RECORD_MOTION, lambda values, s=signs: s * values)
         yield Repair(spoken(joint), "the sign of its position is turned", turned)
         if whole.force is None:
             yield Repair(
@@ -183,9 +308,9 @@ def repairs(whole: Grid) -> Iterator[Repair]:
         order[[i, k]] = k, i
         where = f"{spoken(whole.joints[i])} and {spoken(whole.joints[k])}"
         for names, signals in (
-            ("positions", MOTION),
+            ("positions", RECORD_MOTION),
             ("forces" if whole.force is not None else "pressures", measured),
-            ("names", (*MOTION, *measured)),
+            ("names", (*RECORD_MOTION, *measured)),
         ):
             exchanged = _changed(whole, signals, lambda values, o=order: values[:, o])
             yield Repair(where, f"their {names} are exchanged", exchanged)
@@ -218,11 +343,6 @@ def _chambers(whole: Grid, j: int) -> Grid:
 
 
 # Delay and drift between forces and positions, where the force fits the motion best.
-
-TINY = float(np.finfo(float).tiny)
-SHORTEST_RECORDING = 6.0 * LONGEST_DELAY  # s, of which the ends are not used
-STEPS = np.arange(-LONGEST_DELAY, LONGEST_DELAY + DELAY_STEP / 2, DELAY_STEP)  # s
-DRIFTS = np.linspace(-LARGEST_DRIFT, LARGEST_DRIFT, 17)  # s/s, a quarter of a per cent apart
 
 
 @dataclass(frozen=True)
@@ -257,7 +377,9 @@ class _Scan:
     def left(self, delay: float, drift: float) -> np.ndarray:
         """(j,) power unexplained of each joint, over that of its force."""
         at = self.time + delay + drift * (self.time - self.middle)
-        shifted = np.stack([np.interp(at, self.time, one) for one in self.whole.pistons.T], axis=1)
+        shifted = np.stack(
+            [np.interp(at, self.time, piston) for piston in self.whole.pistons.T], axis=1
+        )
         force = self.whole.generalized(shifted)[self.rows, self.joint] * self.scale
         error = force - self.basis @ (self.basis.T @ force)
         count = len(self.whole.joints)
@@ -275,27 +397,27 @@ def find_delay(model: Model, whole: Grid) -> Delay | None:
     as_is = scan.left(0.0, 0.0)
     if np.sqrt(as_is.max()) < LEAST_UNEXPLAINED:
         return None
-    at_steps = np.array([scan.left(step, 0.0) for step in STEPS])  # (steps, j)
+    at_steps = np.array([scan.left(step, 0.0) for step in DELAYS_S])  # (steps, j)
     delay, drift = _best(scan, at_steps.sum(axis=1))
-    own = [_of_joint(scan, j, STEPS[at_steps[:, j].argmin()], drift) for j in joints]
+    of_joints = [_of_joint(scan, j, DELAYS_S[at_steps[:, j].argmin()], drift) for j in joints]
     shows = [
         j
         for j in joints
-        if (drift or abs(own[j].delay) > SHORTEST_DELAY)
+        if (drift or abs(of_joints[j].delay) > SHORTEST_DELAY)
         and np.sqrt(as_is[j]) > LEAST_UNEXPLAINED
-        and own[j].left < POWER_LEFT * as_is[j]
+        and of_joints[j].left < POWER_LEFT * as_is[j]
     ]
     if not shows:
         return None
-    delays = np.array([own[j].delay for j in shows])
+    delays = np.array([of_joints[j].delay for j in shows])
     typical = float(np.median(delays))
     alike = np.abs(delays - typical) < max(SHORTEST_DELAY, AGREEING * abs(typical))
     common = len(shows) > 1 and bool(alike.all())
     if not common:
-        worst = max(shows, key=lambda j: as_is[j] - own[j].left)
-        if own[worst].left > ALONE * as_is[worst]:
+        worst = max(shows, key=lambda j: as_is[j] - of_joints[j].left)
+        if of_joints[worst].left > ALONE * as_is[worst]:
             return None
-        shows, delay = [worst], own[worst].delay
+        shows, delay = [worst], of_joints[worst].delay
     without = scan.left(delay, drift)
     left, left_without = (float(np.sqrt(power[shows].mean())) for power in (as_is, without))
     return Delay(delay, drift, left, left_without, tuple(whole.joints[j] for j in shows), common)
@@ -315,13 +437,13 @@ def _of_joint(scan: _Scan, j: int, around: float, drift: float) -> _OfJoint:
 
 
 def _best(scan: _Scan, at_steps: np.ndarray) -> tuple[float, float]:
-    """Delay and drift that leave least, given what each of `STEPS` leaves (steps,).
+    """Delay and drift that leave least, given what each of `DELAYS_S` leaves (steps,).
 
     A drift must leave much less than any delay, and must be one that clocks have.
     """
-    delay, drift = float(STEPS[at_steps.argmin()]), 0.0
+    delay, drift = float(DELAYS_S[at_steps.argmin()]), 0.0
     drifting = [(d, s) for s in DRIFTS for d in delay + DELAY_STEP * np.arange(-8, 9, 2)]
-    tried = [scan.left(*one).sum() for one in drifting]
+    tried = [scan.left(*pair).sum() for pair in drifting]
     if min(tried) < POWER_LEFT * at_steps.min():
         delay, drift = _refined(scan, *drifting[int(np.argmin(tried))])
     if abs(drift) < max(DRIFT, LEAST_DRIFT / scan.time[-1]):

@@ -1,4 +1,4 @@
-"""Loads at the tip that came or went while a recording was made, weighed by a model with values.
+"""Payloads that came or went while a recording was made, estimated by a model with values.
 
 A fit takes what hangs at the tip for a part of the last link, one mass in a recording. So where a
 load changed within it, the recording is two.
@@ -20,9 +20,13 @@ from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
-from crane_observer.scale.balance import MeanMotion, TipMechanics
-from crane_observer.scale.filter import ModelDoubt
-from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
+from crane_observer.payload.estimator import (
+    HeldReadings,
+    PayloadCondition,
+    PayloadEstimate,
+    PayloadEstimator,
+)
+from crane_observer.payload.filter import ModelDoubt, TipMechanics
 
 # How much of what a model leaves of a recording is the weight of loads that come and go.
 #
@@ -30,8 +34,19 @@ from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
 # the tip asks of them. A load pulls at all joints, with one mass. A force of one joint, as of
 # friction that follows the way since a reversal, leaves the others alone.
 
-WINDOW = 0.25  # s, over which forces are averaged, so that noise is
-NOTHING = 1e-12  # square of a pull [1/kg^2] or a force that is none
+FORCE_WINDOW_S = 0.25  # s, over which forces are averaged, so that noise is
+NO_PULL = 1e-12  # square of a pull [1/kg^2] or a force that is none
+SHORTEST = 1.5  # s; a part in which a load is weighed has `MOVED` of motion, and lasts longer
+MOVED = 2.0  # s of motion on both sides of a change: less tells a load badly
+LIGHTEST = 5.0  # kg, below which nothing is said
+SURE = 6.5  # standard deviations by which two loads differ: five of the filter, see `scale.TOLD`
+EXPLAINED = 0.5  # of the energy that a model leaves of a recording, by loads that change in it
+A_LOAD = 1.0 - 1e-9  # likeness to the step of a load; 1 where but one joint moves
+APART = 1.0  # s about a change that belong to neither side
+# Chosen on a crane that rubs by the way since a reversal on one joint, as `rubbing` of the tests
+# makes it: with more doubt weighings are worse, with less its friction is taken for loads.
+FRICTION = 1.4  # times what a scale doubts of it, of a model that may lack an effect of it
+WINDOW_NOISE_PA = 4e3  # Pa, noise of a window, whatever a scale allows for
 
 
 @dataclass(frozen=True)
@@ -47,15 +62,36 @@ class Leftover:
     @classmethod
     def of(cls, model: Model, log: Log, options: Options) -> Self:
         """`DataError` where the recording cannot be prepared."""
-        runs = prepare(model, log, replace(options, average=False))
+        return cls.of_runs(model, prepare(model, log, replace(options, average=False)))
+
+    @classmethod
+    def of_runs(cls, model: Model, runs: Sequence[Preparation]) -> Self:
+        """Of a recording that is prepared, without averaging."""
         parts = [_left_and_pull(model, run) for run in runs]
-        return cls(*(np.concatenate(one) for one in zip(*parts, strict=True)))
+        return cls(*(np.concatenate(parts_of_field) for parts_of_field in zip(*parts, strict=True)))
+
+    def largest_share(self) -> float:
+        """The largest `load_share` of any changes at least `SHORTEST` apart."""
+        sums = [
+            np.concatenate([[0.0], np.cumsum(values.sum(axis=1))])
+            for values in (self.left * self.pull, self.pull**2)
+        ]
+        count = len(self.time)
+        apart = max(int(SHORTEST / FORCE_WINDOW_S), 1)
+        best = np.full(count + 1, -np.inf)
+        best[0] = 0.0
+        for end in range(min(apart, count), count + 1):
+            begin = np.arange(end - apart + 1) if end >= apart else np.zeros(1, dtype=int)
+            along, across = (one[end] - one[begin] for one in sums)
+            best[end] = (best[begin] + along**2 / np.maximum(across, NO_PULL)).max()
+        energy = float((self.left**2).sum())
+        return float(best[-1]) / energy if energy > 0.0 else 0.0
 
     def load_share(self, changes: Sequence[float]) -> float:
         """Share 0..1 of the energy of r that loads explain, each constant between the `changes`."""
         energy, explained = float((self.left**2).sum()), 0.0
         for along, across in self._sums(changes):
-            explained += float(along.sum()) ** 2 / max(float(across.sum()), NOTHING)
+            explained += float(along.sum()) ** 2 / max(float(across.sum()), NO_PULL)
         return explained / energy if energy > 0.0 else 0.0
 
     def likeness(self, begin: float, change: float, end: float, weighed: float) -> float:
@@ -73,20 +109,20 @@ class Leftover:
         if len(sides) < 2:
             return 0.0
         (before, square_before), (after, square_after) = sides
-        step = after / np.maximum(square_after, NOTHING)
-        step -= before / np.maximum(square_before, NOTHING)
-        told = square_before * square_after / np.maximum(square_before + square_after, NOTHING)
-        mass = float((told * step).sum() / max(float(told.sum()), NOTHING))
+        step = after / np.maximum(square_after, NO_PULL)
+        step -= before / np.maximum(square_before, NO_PULL)
+        told = square_before * square_after / np.maximum(square_before + square_after, NO_PULL)
+        mass = float((told * step).sum() / max(float(told.sum()), NO_PULL))
         alone = float((told * step**2).max())
         together = mass**2 * float(told.sum())
-        return min(together / max(alone, NOTHING), 2.0 * mass / weighed)
+        return min(together / max(alone, NO_PULL), 2.0 * mass / weighed)
 
     def _sums(self, changes: Sequence[float]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Sums (j,) of r h and of h^2, in each part between the `changes` that has windows."""
         part = np.searchsorted(changes, self.time, side="right")
         rows = [part == number for number in np.unique(part)]
         products, squares = self.left * self.pull, self.pull**2
-        return [(products[one].sum(axis=0), squares[one].sum(axis=0)) for one in rows]
+        return [(products[inside].sum(axis=0), squares[inside].sum(axis=0)) for inside in rows]
 
 
 def _left_and_pull(model: Model, run: Preparation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -97,35 +133,17 @@ def _left_and_pull(model: Model, run: Preparation) -> tuple[np.ndarray, np.ndarr
     force = record.needed("force", "the check of loads")
     unit = np.sqrt((force**2).mean(axis=0))
     left = np.where(run.moving, force - model.predict(record), 0.0) / unit
-    mechanics, joints = TipMechanics.of(model), len(unit)
-    zero, unknown = np.zeros(joints), np.full(joints, np.nan)
-    count = max(1, round(len(left) * run.step / WINDOW))
+    mechanics = TipMechanics.of(model)
+    count = max(1, round(len(left) * run.step / FORCE_WINDOW_S))
     windows = np.array_split(np.arange(len(left)), count)
     middle = [rows[len(rows) // 2] for rows in windows]
-    weight = np.array(
-        [
-            mechanics.balance(MeanMotion(q, zero, zero, unknown, unknown)).mass
-            for q in record.position[middle]
-        ]
-    )
+    weight = mechanics.weights(record.position[middle])
     moved = np.array([run.moving[rows].mean(axis=0) for rows in windows])
     mean = np.array([left[rows].mean(axis=0) for rows in windows])
     return record.time[middle], mean, weight * moved / unit
 
 
-MOVED = 2.0  # s of motion on both sides of a change: less tells a load badly
-LIGHTEST = 5.0  # kg, below which nothing is said
-SURE = 6.5  # standard deviations by which two loads differ: five of the filter, see `scale.TOLD`
-EXPLAINED = 0.5  # of the energy that a model leaves of a recording, by loads that change in it
-A_LOAD = 1.0 - 1e-9  # likeness to the step of a load; 1 where but one joint moves
-APART = 1.0  # s about a change that belong to neither side
-# Chosen on a crane that rubs by the way since a reversal on one joint, as `rubbing` of the tests
-# makes it: with more doubt weighings are worse, with less its friction is taken for loads.
-FRICTION = 1.4  # times what a scale doubts of it, of a model that may lack an effect of it
-READINGS = 4e3  # Pa, noise of a window, whatever a scale allows for
-
-
-class WeighedPart(NamedTuple):
+class PayloadPart(NamedTuple):
     """What hung at the tip in a part of a recording, between changes."""
 
     begin: float  # s; -inf: from the beginning of the recording
@@ -139,17 +157,17 @@ class WeighedPart(NamedTuple):
         """
         return median(self.masses)
 
-    def differs(self, other: "WeighedPart") -> bool:
+    def differs(self, previous: "PayloadPart") -> bool:
         """Whether it is surely another load."""
-        return abs(self.mass - other.mass) > max(LIGHTEST, SURE * self._apart(other))
+        return abs(self.mass - previous.mass) > max(LIGHTEST, SURE * self._apart(previous))
 
-    def beyond(self, other: "WeighedPart") -> str:
+    def beyond(self, previous: "PayloadPart") -> str:
         """How much more it is than another, in words [kg]."""
-        return f"{self.mass - other.mass:+.1f} ± {self._apart(other):.1f}"
+        return f"{self.mass - previous.mass:+.1f} ± {self._apart(previous):.1f}"
 
-    def _apart(self, other: "WeighedPart") -> float:
+    def _apart(self, previous: "PayloadPart") -> float:
         """Standard deviation of their difference [kg]."""
-        return math.hypot(self.deviation, other.deviation)
+        return math.hypot(self.deviation, previous.deviation)
 
 
 def doubt_of(model: Model) -> ModelDoubt:
@@ -158,11 +176,11 @@ def doubt_of(model: Model) -> ModelDoubt:
     """
     doubt = ModelDoubt.of(model)
     return doubt._replace(
-        dry=FRICTION * doubt.dry, viscous=FRICTION * doubt.viscous, sensors=READINGS
+        dry=FRICTION * doubt.dry, viscous=FRICTION * doubt.viscous, sensors=WINDOW_NOISE_PA
     )
 
 
-def weighed_parts(model: Model, log: Log, options: Options) -> tuple[WeighedPart, ...]:
+def payload_parts(model: Model, log: Log, options: Options) -> tuple[PayloadPart, ...]:
     """In their order, each surely another load than the one before; empty where nothing can be
     weighed: the model needs values and the machine in it, the log pressures of all its joints.
 
@@ -174,15 +192,15 @@ def weighed_parts(model: Model, log: Log, options: Options) -> tuple[WeighedPart
     if log.uncalibrated or signals[0] is None or signals[1] is None or model.machine is None:
         return ()
     try:
-        scale = Scale(model, doubt_of(model))
+        scale = PayloadEstimator(model, doubt_of(model))
     except ConfigurationError:  # values or chambers are missing
         return ()
-    parts: list[list[Weighing]] = [[]]
-    for one in _weighings(scale, log):
-        if one.changed and parts[-1]:
+    parts: list[list[PayloadEstimate]] = [[]]
+    for weighing in _weighings(scale, log):
+        if weighing.changed and parts[-1]:
             parts.append([])
-        parts[-1].append(one)
-    found: list[WeighedPart] = []
+        parts[-1].append(weighing)
+    found: list[PayloadPart] = []
     for part in filter(None, map(_part, parts)):
         if not found or part.differs(found[-1]):
             found.append(part)
@@ -198,7 +216,7 @@ def weighed_parts(model: Model, log: Log, options: Options) -> tuple[WeighedPart
     return tuple(found)
 
 
-def _of_loads(parts: Sequence[WeighedPart], leftover: Leftover) -> list[WeighedPart]:
+def _of_loads(parts: Sequence[PayloadPart], leftover: Leftover) -> list[PayloadPart]:
     """The parts, those made one between which a joint's own force changed rather than a load."""
     found = list(parts)
     while len(found) > 1:
@@ -216,25 +234,27 @@ def _of_loads(parts: Sequence[WeighedPart], leftover: Leftover) -> list[WeighedP
     return found
 
 
-def _as_one(parts: Sequence[WeighedPart]) -> WeighedPart:
+def _as_one(parts: Sequence[PayloadPart]) -> PayloadPart:
     """All of the parts."""
     masses = tuple(mass for part in parts for mass in part.masses)
     deviation = min(part.deviation for part in parts)
-    return WeighedPart(parts[0].begin, deviation, masses)
+    return PayloadPart(parts[0].begin, deviation, masses)
 
 
 def split_by_load(
-    model: Model, logs: Sequence[Log], options: Options
+    model: Model, logs: Sequence[Log], options: Options, prepared: Sequence[Preparation] = ()
 ) -> tuple[tuple[Log, ...], tuple[str, ...]]:
     """The recordings, those whose load changed in parts that carry one each; what was done, in
     words. A part that cannot be prepared, as for want of a whole period, is left out.
 
-    `DataError` where no part of any recording is left.
+    What is `prepared` of them already, without averaging, is not prepared again. A recording of
+    which no loads explain enough is not weighed. `DataError` where no part of any is left.
     """
     taken: list[Log] = []
     said: list[str] = []
     for log in logs:
-        parts = weighed_parts(model, log, options)
+        runs = [one for one in prepared if one.source == log.source]
+        parts = payload_parts(model, log, options) if _may_change(model, log, options, runs) else ()
         if len(parts) < 2:
             taken.append(log)
             continue
@@ -255,12 +275,21 @@ def split_by_load(
     return tuple(taken), tuple(said)
 
 
+def _may_change(model: Model, log: Log, options: Options, runs: Sequence[Preparation]) -> bool:
+    """Whether loads that change may explain enough of what the model leaves."""
+    try:
+        known = Leftover.of_runs(model, runs) if runs else Leftover.of(model, log, options)
+    except (ConfigurationError, DataError):
+        return False
+    return known.largest_share() >= EXPLAINED
+
+
 def loads_in_words(model: Model, logs: Sequence[Log], options: Options) -> tuple[str, ...]:
     """Warnings: what a fit to these recordings takes for a mass of a link."""
     said: list[str] = []
-    known: dict[str, WeighedPart] = {}
+    known: dict[str, PayloadPart] = {}
     for log in logs:
-        parts = weighed_parts(model, log, options)
+        parts = payload_parts(model, log, options)
         said += [
             f"{log.source}: {words}; a part of that is in the masses of the model. Leave the "
             "recording out, or part of it (--from, --to)"
@@ -286,7 +315,7 @@ def _piece(log: Log, begin: float, end: float) -> Log:
     part = log.during(max(begin, 0.0), end)
     zero = float(part.position.time[0])
     moved: dict[str, Any] = {}
-    for name in (one.name for one in fields(part)):
+    for name in (field.name for field in fields(part)):
         signal = getattr(part, name)
         if isinstance(signal, Signal):
             received = None if signal.received is None else signal.received - zero
@@ -294,35 +323,32 @@ def _piece(log: Log, begin: float, end: float) -> Log:
     return replace(part, start=part.start + round(zero * NANOSECONDS), **moved)
 
 
-def _changes(parts: Sequence[WeighedPart]) -> list[str]:
+def _changes(parts: Sequence[PayloadPart]) -> list[str]:
     return [
         f"the load at the tip changed at {after.begin:.1f} s, by {after.beyond(before)} kg"
         for before, after in pairwise(parts)
     ]
 
 
-def _weighings(scale: Scale, log: Log) -> list[Weighing]:
-    """Of a whole log, reading by reading in the order of stamps."""
+def _weighings(scale: PayloadEstimator, log: Log) -> list[PayloadEstimate]:
+    """Of a whole log."""
     assert log.pressure_a is not None and log.pressure_b is not None
     position, a, b = log.position, log.pressure_a, log.pressure_b
-    found: list[Weighing] = []
-    next_, count = 0, len(position.time)
-    for k, time in enumerate(a.time.tolist()):
-        while next_ < count and position.time[next_] <= time:
-            scale.add_encoders(float(position.time[next_]), position.value[next_])
-            next_ += 1
-        found += scale.add_pressures(time, a.value[k], b.value[k])
-    return found
+    chambers = np.concatenate([a.value, b.value], axis=1)
+    return scale.recorded_estimates(
+        HeldReadings.of(position.time, position.value), HeldReadings.of(a.time, chambers)
+    )
 
 
-def _part(weighings: Sequence[Weighing]) -> WeighedPart | None:
+def _part(weighings: Sequence[PayloadEstimate]) -> PayloadPart | None:
     """The best of weighings between two changes, None where it is not worth much."""
     told = [
-        one
-        for one in weighings
-        if one.moved >= MOVED and one.condition in (ScaleCondition.GOOD, ScaleCondition.AT_REST)
+        weighing
+        for weighing in weighings
+        if weighing.moved >= MOVED
+        and weighing.condition in (PayloadCondition.GOOD, PayloadCondition.AT_REST)
     ]
     if not told:
         return None
-    best = min(told, key=lambda one: one.load.deviation)
-    return WeighedPart(best.since, best.load.deviation, (best.load.mass,))
+    best = min(told, key=lambda weighing: weighing.load.deviation)
+    return PayloadPart(best.since, best.load.deviation, (best.load.mass,))

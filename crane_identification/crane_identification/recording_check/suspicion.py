@@ -6,7 +6,7 @@ from enum import StrEnum
 
 # Every limit of the check of recordings, and where it comes from.
 #
-# Shares of unexplained force were set on recordings of the stand-in machine: as they should be,
+# Shares of unexplained force were set on recordings of the simulated crane: as they should be,
 # they leave 0.3 to 2 %, with an effect of 4 % of the drive force up to 5 %. Of the mix-ups that are
 # looked for, the mildest left 12 %, and undoing it 2 %.
 
@@ -25,12 +25,13 @@ COARSE = 100  # encoder counts of a whole motion, below which velocity is made o
 SLOWEST = 40.0  # Hz: a crane swings on its oil at 2 to 3 Hz; its acceleration needs ten samples
 LEAST_RATE = 15.0  # Hz: from it on, what moves slowly is measured well enough to be of use
 HELD = 0.5  # share of the samples in motion that repeat the one before, as nobody's encoder does
-HELD_COUNTS = 2.0  # encoder counts that must pass between two samples for that to mean something
+# Encoder counts that must pass between two samples for that to mean something
+REPEATED_COUNTS = 2.0
 
 # pressures
 FEEBLE = 0.02  # of the supply pressure; cylinders that move a boom have more in them
 FULL = (0.2, 1.2)  # of the supply pressure, between which the highest of a cylinder lies
-OFTEN = 0.05  # of the time beyond the relief valve's pressure; peaks are shorter
+LEAST_OVERPRESSURE_SHARE = 0.05  # of the time beyond the relief valve's pressure; peaks are shorter
 VACUUM = -1.2e5  # Pa gauge; no pressure is lower than -1.013e5
 UNITS_OF_PRESSURE = {"kPa": 1e3, "bar": 1e5, "MPa": 1e6, "psi": 6894.757293168}  # to Pa
 SUPPLY = (0.5, 1.3)  # times the supply pressure of the machine file, where it is logged
@@ -63,7 +64,7 @@ TOGETHER = 0.9  # of the time of the positions, at least, that forces or pressur
 WORKING_RATE = 50.0  # Hz
 BANDWIDTH = 4.0  # Hz: a boom's motion, with its swinging on the oil
 MOVING = 0.03  # of the speed of Table 2; below, friction is anything between its branches
-SETTLING = 0.1  # s from standstill, as the fit keeps
+FORCE_SETTLING_S = 0.1  # s from standstill, as the fit keeps
 LEAST_MOTION = 5.0  # s of motion of each joint, which four periods of 0.2 Hz and a fit need
 POOR = 0.06  # of the force unexplained, from which on another wiring is tried
 BETTER = 2.5  # times less unexplained, if that was it
@@ -73,7 +74,7 @@ UNEXPLAINED = 0.35  # of the force, which no machine of the kind leaves
 ARM_BANDWIDTH = 10.0  # Hz
 
 SLOW = 0.05  # of a joint's highest speed; below, friction is anything between its branches
-SIGMAS = 3.0  # standard deviations by which friction and inertia are negative
+NEGATIVE_SIGMAS = 3.0  # standard deviations by which friction and inertia are negative
 
 # delay of pressures behind positions
 LONGEST_DELAY = 1.5  # s
@@ -87,10 +88,12 @@ AGREEING = 0.3  # of the delay, as far as joints on one clock differ
 ROWS = 1500  # that a delay is sought on
 
 # masses
-KNOWN = 0.15  # relative standard deviation, from which on a mass is known
+KNOWN_MASS_SIGMA = 0.15  # relative standard deviation, from which on a mass is known
 # An effect that the model lacks biases masses that a recording hardly shows.
-NEEDED = 1.3  # times less of the force unexplained by implausible masses, or they are not asked
-ALIKE = 0.12  # relative, by which masses that one factor made wrong differ; with a load, by 0.2
+# Times less of the force unexplained by implausible masses, or they are not asked
+IMPLAUSIBLE_GAIN = 1.3
+# Relative, by which masses that one factor made wrong differ; with a load, by 0.2
+SAME_FACTOR_TOLERANCE = 0.12
 CORRELATED = 25.0  # rows that tell as much as one: half a second of a smooth signal
 
 # flow
@@ -124,7 +127,7 @@ class Suspicion:
 class Checked:
     """What a check found in the recording `source`, and what was `unchecked`, with the reason.
 
-    `notes` say what was mended when the recording was read.
+    `notes` say what was repaired when the recording was read.
     """
 
     source: str
@@ -135,7 +138,7 @@ class Checked:
     @property
     def decisive(self) -> tuple[Suspicion, ...]:
         """Those that make every result wrong."""
-        return tuple(one for one in self.suspicions if one.decisive)
+        return tuple(suspicion for suspicion in self.suspicions if suspicion.decisive)
 
     @property
     def verdict(self) -> RecordingVerdict:

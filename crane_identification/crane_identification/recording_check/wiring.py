@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.notation import spoken
-from crane_identification.recording_check.absolute import absolute
 from crane_identification.recording_check.forces import (
     NEGLIGIBLE,
     Delay,
+    Grid,
     Repair,
     crane,
     equations,
@@ -18,16 +18,60 @@ from crane_identification.recording_check.forces import (
     repairs,
     unexplained,
 )
-from crane_identification.recording_check.grid import Grid
 from crane_identification.recording_check.suspicion import (
     BETTER,
-    NEEDED,
+    FAST,
+    FEWEST_STROKES,
+    IMPLAUSIBLE_GAIN,
+    NEAR_ATMOSPHERE,
     POOR,
     UNEXPLAINED,
     UNMOVED,
     Suspicion,
 )
-from crane_model.flow import piston_flow
+from crane_model.flow import ATMOSPHERE_PA, piston_flow
+
+# Absolute for gauge pressures, from the ratio of the areas: needs no valve command.
+#
+# The piston presses A_B/A_A as much oil out of chamber B as flows into chamber A. Through edges of
+# one size, (p_S - p_A)/(p_B - p_T) is the square of the ratio of the areas, which an offset of both
+# chambers spoils.
+
+MEGA = 1e6
+
+
+def absolute(whole: Grid) -> Iterator[Suspicion]:
+    """One atmosphere too much in the chambers of nearly all cylinders and directions."""
+    found = np.array(list(_offsets(whole)))
+    alike = np.abs(found - ATMOSPHERE_PA) < NEAR_ATMOSPHERE
+    if alike.sum() >= FEWEST_STROKES:
+        yield Suspicion(
+            "pressures of all cylinders",
+            f"flow in and out agree with the ratio of the areas if {found[alike].mean() / MEGA:.3f}"
+            f" MPa are subtracted ({alike.sum()} of {len(found)} strokes)",
+            "pressures look absolute, if the edges of the valves are of one size; gauge is needed",
+            decisive=False,
+        )
+
+
+def _offsets(whole: Grid) -> Iterator[float]:
+    """Offset [Pa] of both chambers of each cylinder, from its fast motion in each direction."""
+    record = whole.record
+    p_a, p_b = record.needed("pressure_a", "check"), record.needed("pressure_b", "check")
+    supply = record.needed("supply_pressure", "check")
+    tank = record.needed("tank_pressure", "check")
+    speed = whole.arms * record.velocity
+    for j, joint in enumerate(whole.joints):
+        cylinder = whole.machine.cylinders[joint]
+        for way, fed, drained, ratio in (
+            (1.0, p_a[:, j], p_b[:, j], cylinder.area_a / cylinder.area_b),
+            (-1.0, p_b[:, j], p_a[:, j], cylinder.area_b / cylinder.area_a),
+        ):
+            rows = whole.moving[:, j] & (way * speed[:, j] > FAST * np.abs(speed[:, j]).max())
+            if rows.any():
+                excess = ratio**2 * (drained - tank) - (supply - fed)
+                yield float(np.median(excess[rows]) / (1.0 + ratio**2))
+
 
 # Valve commands against the speed of the cylinders: chambers, signs and names.
 
@@ -42,21 +86,21 @@ class FlowFit(NamedTuple):
 def commands(whole: Grid) -> Iterator[Suspicion]:
     """What is suspicious of the valve commands; they matter for the flow balance alone."""
     for j, joint in enumerate(whole.joints):
-        own = fit(whole, j, j)
-        others = {k: fit(whole, j, k) for k in range(len(whole.joints)) if k != j}
-        best = min(others, key=lambda k: others[k].left) if others else j
-        if others and own.left > max(UNMOVED, BETTER * others[best].left):
+        by_itself = fit(whole, j, j)
+        by_others = {k: fit(whole, j, k) for k in range(len(whole.joints)) if k != j}
+        best = min(by_others, key=lambda k: by_others[k].left) if by_others else j
+        if by_others and by_itself.left > max(UNMOVED, BETTER * by_others[best].left):
             yield Suspicion(
                 f"valve command of the {spoken(joint)}",
-                f"{own.left:.0%} of the flow unexplained, {others[best].left:.0%} by the command "
-                f"of the {spoken(whole.joints[best])}",
+                f"{by_itself.left:.0%} of the flow unexplained, {by_others[best].left:.0%} "
+                f"by the command of the {spoken(whole.joints[best])}",
                 "exchanged names",
                 decisive=False,
             )
-        elif own.gain < 0.0 and own.left < UNMOVED:
+        elif by_itself.gain < 0.0 and by_itself.left < UNMOVED:
             yield Suspicion(
                 f"valve command of the {spoken(joint)}",
-                f"the joint moves against it; {own.left:.0%} of the flow unexplained",
+                f"the joint moves against it; {by_itself.left:.0%} of the flow unexplained",
                 "its sign is turned",
                 decisive=False,
             )
@@ -100,13 +144,14 @@ def wiring(whole: Grid) -> Iterator[Suspicion]:
     found = equations(model, whole)
     left = found.explained(model)
     values, std_devs, least = found.free()
-    implausible = tuple(masses(model, values, std_devs)) if left > NEEDED * least else ()
+    implausible = tuple(masses(model, values, std_devs)) if left > IMPLAUSIBLE_GAIN * least else ()
     delay = find_delay(model, whole)
     if left > POOR:
-        tried = [(unexplained(model, one), one) for one in repairs(whole)]
-        without, best = min(tried, key=lambda one: one[0])
+        tried = [(unexplained(model, repair), repair) for repair in repairs(whole)]
+        without, best = min(tried, key=lambda candidate: candidate[0])
         late = delay is not None and delay.common and delay.left_without < without
-        scaled = any(one.decisive for one in implausible)  # which explains as much without a mix-up
+        # a wrong scale explains as much without a mix-up
+        scaled = any(suspicion.decisive for suspicion in implausible)
         if not late and BETTER * without < (least if scaled else left):
             yield _mixed_up(whole, best, left, without)
             return
@@ -135,11 +180,11 @@ def _mixed_up(whole: Grid, repair: Repair, left: float, without: float) -> Suspi
     )
     if repair.joint is not None and whole.record.command is not None:
         j = whole.joints.index(repair.joint)
-        flow, other = fit(whole, j, j), fit(whole, j, j, exchanged=True)
-        if other.left < flow.left:
+        flow, exchanged = fit(whole, j, j), fit(whole, j, j, exchanged=True)
+        if exchanged.left < flow.left:
             evidence += (
                 f"; valve command and cylinder speed disagree by {flow.left:.1%}, without that by "
-                f"{other.left:.1%}"
+                f"{exchanged.left:.1%}"
             )
     return Suspicion(repair.where, evidence, repair.what, decisive=True)
 

@@ -12,27 +12,39 @@ import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample
-from crane_identification.estimation.estimate import condition_numbers
-from crane_identification.estimation.regression import Rows
+from crane_identification.estimation.regression import Rows, condition_numbers
 from crane_identification.fitting import FitResult
 from crane_identification.notation import NONE, percent, plain
 from crane_identification.online.replay import Recursive
 from crane_identification.options import Options
 from crane_identification.preparation.run import Preparation
-from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.decimate import decimate
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.motion import MotionEstimator, encoder_resolution
-from crane_identification.validation.command_validation import (
-    CommandValidation,
-    commands_validated,
-)
+from crane_identification.signals.routes import ButterworthDifferentiator
 from crane_identification.validation.force_validation import Validation, compare
-from crane_identification.validation.motion_validation import MotionValidation, validate_motion
+from crane_identification.validation.motion_validation import (
+    CommandValidation,
+    MotionValidation,
+    commands_validated,
+    validate_motion,
+)
 from crane_model.cylinders import generalized_forces
 from crane_model.model_file import Model
 
-# A recording as it came from the machine, on one time base, for its figure (Fig. 9).
+PACKAGES = (
+    "crane_identification",
+    "crane_model",
+    "crane_driver",
+    "numpy",
+    "scipy",
+    "numba",
+    "filterpy",
+    "cvxpy-base",
+    "clarabel",
+    "rosbags",
+    "plotly",
+)
 
 
 @dataclass(frozen=True)
@@ -148,7 +160,7 @@ def scatter(validation: Validation) -> np.ndarray | None:
     count = len(preparation.periods)
     if count < 2:
         return None
-    periods = [decimate(one, factor, preparation.periodic) for one in preparation.periods]
+    periods = [decimate(period, factor, preparation.periodic) for period in preparation.periods]
     return np.std(periods, axis=0, ddof=1) / np.sqrt(count)
 
 
@@ -163,21 +175,6 @@ def left_out(preparation: Preparation, joint: int) -> list[tuple[float, float]]:
 def _factor(validation: Validation) -> int:
     """By how much the forces of a validation are decimated."""
     return round(float(validation.time[1] - validation.time[0]) / validation.preparation.step)
-
-
-PACKAGES = (
-    "crane_identification",
-    "crane_model",
-    "crane_driver",
-    "numpy",
-    "scipy",
-    "numba",
-    "filterpy",
-    "cvxpy-base",
-    "clarabel",
-    "rosbags",
-    "plotly",
-)
 
 
 @dataclass(frozen=True)
@@ -208,7 +205,7 @@ class IdentificationReport:
     `training` holds the recordings of `fit`, `validations` the predictions on recordings that it
     has not seen (none: not validated). `recursive` is the recursion over the same recordings.
     `seen_by_none` holds the recordings of `validations`.
-    `planted` gives the true value of parameters where a stand-in machine makes them known.
+    `true_values` gives those of parameters that are known, as on a simulated crane.
     """
 
     fit: FitResult
@@ -217,7 +214,7 @@ class IdentificationReport:
     validations: tuple[Validation, ...]
     warnings: tuple[str, ...]
     provenance: Provenance
-    planted: Mapping[str, float] | None = None
+    true_values: Mapping[str, float] | None = None
     recursive: Recursive | None = None
     seen_by_none: tuple[Log, ...] = ()
 
@@ -304,16 +301,16 @@ def source_rows(report: IdentificationReport) -> list[SourceRow]:
 
 
 def _rows(use: str, compared: Sequence[Validation]) -> Iterator[SourceRow]:
-    for one in compared:
-        averaging, record = one.preparation.averaging, one.preparation.record
-        length = float(record.time[-1] - record.time[0]) + one.preparation.step
+    for compared_part in compared:
+        averaging, record = compared_part.preparation.averaging, compared_part.preparation.record
+        length = float(record.time[-1] - record.time[0]) + compared_part.preparation.step
         yield SourceRow(
-            source=one.source,
+            source=compared_part.source,
             use=use,
             period=plain(averaging.period if averaging else length),
             periods=str(averaging.used) if averaging else NONE,
-            condition=_condition(one.rows.stacked),
-            errors=[percent(float(error)) for error in one.relative_error],
+            condition=_condition(compared_part.rows.stacked),
+            errors=[percent(float(error)) for error in compared_part.relative_error],
         )
 
 

@@ -32,12 +32,11 @@ TYPICAL_CHANGES = 5
 """So many changes are named, the others counted."""
 REMAINDER = 0.05
 """Share of a period that may be lost at the ends of a recording without a word."""
+TYPICAL_BAGS = 3  # as many are named; more are counted
 
 
 def findings(
-    fit: FitResult,
-    logs: Sequence[Log],
-    validations: Sequence[Validation] = (),
+    fit: FitResult, logs: Sequence[Log], validations: Sequence[Validation] = ()
 ) -> tuple[str, ...]:
     """Warnings about a fit, its recordings (`logs`: all of them) and its validation."""
     preparations = (*fit.preparations, *(v.preparation for v in validations))
@@ -103,13 +102,17 @@ def _parameters(fit: FitResult) -> list[str]:
 
 def _contradicted(conflict: PriorConflict) -> list[str]:
     notes = []
-    for one in conflict.contradictions:
-        known = f" ({one.known})" if one.known else ""
-        mean = f", root mean square of {one.freedom} values" if one.freedom > 1 else ""
+    for contradiction in conflict.contradictions:
+        known = f" ({contradiction.known})" if contradiction.known else ""
+        mean = (
+            f", root mean square of {contradiction.freedom} values"
+            if contradiction.freedom > 1
+            else ""
+        )
         notes.append(
-            f"The recordings contradict the prior of {one.entry}{known} by "
-            f"{plain(one.sigmas)} σ{mean}. Without it: {_changes(one.changes)}. Correct it, or "
-            "widen its standard deviation."
+            f"The recordings contradict the prior of {contradiction.entry}{known} by "
+            f"{plain(contradiction.sigmas)} σ{mean}. Without it: "
+            f"{_changes(contradiction.changes)}. Correct it, or widen its standard deviation."
         )
     if (count := len(notes)) > 1:
         notes.append(f"Without these {count} priors: {_changes(conflict.changes)}.")
@@ -121,10 +124,11 @@ def _changes(changes: Sequence[ParameterChange]) -> str:
     if not changes:
         return f"no parameter moves by more than {plain(CHANGED)} σ, as other priors agree with it"
     parts = []
-    for one in changes[:TYPICAL_CHANGES]:
-        value, std_dev = with_uncertainty(one.without, one.std_dev)
+    for change in changes[:TYPICAL_CHANGES]:
+        value, std_dev = with_uncertainty(change.without, change.std_dev)
         parts.append(
-            f"{one.parameter} {value} ± {std_dev} {one.unit} instead of {plain(one.with_entry, 4)}"
+            f"{change.parameter} {value} ± {std_dev} {change.unit} instead of "
+            f"{plain(change.with_entry, 4)}"
         )
     more = len(changes) - TYPICAL_CHANGES
     return listed(parts if more <= 0 else [*parts, f"{more} more"])
@@ -177,10 +181,10 @@ def _drifts(preparations: Sequence[Preparation], units: Sequence[str]) -> list[s
         }
         if rates:
             which = max(rates, key=lambda source: rates[source])
-            others = f"; so it does in {len(rates)} recordings" if len(rates) > 1 else ""
+            also = f"; so it does in {len(rates)} recordings" if len(rates) > 1 else ""
             notes.append(
                 f"{which}: the force of the {spoken(preparations[0].record.joints[j])} drifts by "
-                f"{plain(rates[which])} {unit} a period{others}."
+                f"{plain(rates[which])} {unit} a period{also}."
             )
     return notes
 
@@ -215,8 +219,6 @@ def _elsewhere(fit: FitResult, validations: Sequence[Validation]) -> tuple[str, 
 
 
 # The result in a few plain sentences.
-
-TYPICAL_BAGS = 3  # as many are named; more are counted
 
 
 def verdict(report: IdentificationReport) -> str:

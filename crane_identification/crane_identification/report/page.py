@@ -4,26 +4,25 @@ from pathlib import Path
 from typing import NamedTuple
 
 from crane_identification.notation import spoken
-from crane_identification.report import tables, template
+from crane_identification.report import tables
 from crane_identification.report.content import IdentificationReport, recorded, source_rows
-from crane_identification.report.figure import Figure
 from crane_identification.report.figures import (
     averaged_figures,
     commanded_figures,
+    processing,
     recording_figures,
+    recursive_errors,
+    recursive_groups,
     reference_figures,
+    settling_figures,
     validation_figures,
 )
 from crane_identification.report.findings import bags, verdict
-from crane_identification.report.processing import processing
-from crane_identification.report.recursion import (
-    recursive_errors,
-    recursive_groups,
-    settling_figures,
-)
+from crane_identification.report.html import Figure, PageLink, link, page_of, part, rendered
 from crane_identification.report.tables import hydraulic_groups
-from crane_identification.report.template import PageLink, link, page_of
 from crane_model.progress_bar import Progress, silent
+
+PAGE_RESULTS = ("model.yaml", "summary.json")  # beside the page
 
 
 class RowOfFigures(NamedTuple):
@@ -31,9 +30,6 @@ class RowOfFigures(NamedTuple):
 
     source: str
     figures: list[Figure]
-
-
-RESULTS = ("model.yaml", "summary.json")  # beside the page
 
 
 def write(path: Path | str, report: IdentificationReport, progress: Progress = silent) -> None:
@@ -50,7 +46,7 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
     settling, driven = settling_figures(report), _commanded_rows(report)
     rows = (*references, *recordings, *averages, *validations, *driven)
     shown = [*settling, *(figure for row in rows for figure in row.figures)]
-    return template.rendered(
+    return rendered(
         __package__,
         {figure.key: figure.description() for figure in shown},
         report=report,
@@ -62,7 +58,7 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         commanded=tables.commanded_rows(report),
         groups=tables.parameter_groups(report),
         entries=tables.report_entries(report),
-        hydraulics=hydraulic_groups(report.fit.model.hydraulics, report.planted),
+        hydraulics=hydraulic_groups(report.fit.model.hydraulics, report.true_values),
         conditioning=tables.conditioning(report),
         excitation=tables.excitation(report),
         processing=processing(report),
@@ -72,7 +68,7 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         sources=source_rows(report),
         model_file=link(model_file, folder),
         model_page=page_of(model_file, folder),
-        results=[PageLink(name, name) for name in RESULTS],
+        results=[PageLink(name, name) for name in PAGE_RESULTS],
         training_links=[link(bag, folder) for bag in report.training_bags],
         validation_links=[link(bag, folder) for bag in report.validation_bags],
         recursive=recursive_groups(report),
@@ -83,8 +79,8 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         averages=averages,
         validations=validations,
         driven=driven,
-        style=template.part(__package__, "page.css"),
-        script=template.part(__package__, "page.js"),
+        style=part(__package__, "page.css"),
+        script=part(__package__, "page.js"),
     )
 
 
@@ -103,8 +99,10 @@ def _commanded_rows(report: IdentificationReport) -> list[RowOfFigures]:
     """Rows of motion from commands, as far ahead as it was simulated; none where it was not."""
     furthest = report.commanded[-1].courses if report.commanded else ()
     return [
-        RowOfFigures(one.source, commanded_figures(report.fit.model, one, f"commanded-{number}"))
-        for number, one in enumerate(furthest)
+        RowOfFigures(
+            recording.source, commanded_figures(report.fit.model, recording, f"commanded-{number}")
+        )
+        for number, recording in enumerate(furthest)
     ]
 
 

@@ -47,8 +47,8 @@ class CommandedSummary(ResultPart):
     """Simulations, one behind the other [-]."""
     position_rms: NumberByJoint
     """Rms error at their end [rad, m]."""
-    way: NumberByJoint
-    """How far the joint itself went in that time, on average [rad, m]."""
+    path: NumberByJoint
+    """Length of the path of the joint in that time, on average [rad, m]."""
 
 
 class RecursiveSummary(ResultPart):
@@ -183,12 +183,12 @@ def summarize(report: IdentificationReport) -> Summary:
         else None,
         simulated_from_commands=[
             CommandedSummary(
-                horizon=one.horizon,
-                windows=one.windows,
-                position_rms=per_joint(one.position_rms),
-                way=per_joint(one.way),
+                horizon=validation.horizon,
+                windows=validation.windows,
+                position_rms=per_joint(validation.position_rms),
+                path=per_joint(validation.path),
             )
-            for one in report.commanded
+            for validation in report.commanded
         ],
         recursive=RecursiveSummary(
             parameters=_parameters(
@@ -203,10 +203,10 @@ def summarize(report: IdentificationReport) -> Summary:
         else None,
         hydraulics=[
             ParameterSummary(
-                name=f"{name}.{joint}", unit=one.unit, value=one.value, std_dev=one.std_dev
+                name=f"{name}.{joint}", unit=value.unit, value=value.value, std_dev=value.std_dev
             )
             for joint, of_joint in (hydraulics.joints if hydraulics else {}).items()
-            for name, one in of_joint.values.items()
+            for name, value in of_joint.values.items()
         ],
         condition_number=estimate.condition_number,
         condition_number_normalized=estimate.condition_number_normalized,

@@ -12,9 +12,8 @@ from rich.table import Table
 from crane_identification.notation import percent, plain, shown
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.tables import hydraulic_groups
-from crane_identification.validation.command_validation import CommandValidation
-from crane_identification.validation.motion_validation import MotionValidation
-from crane_model.hydraulics.values import HydraulicValues
+from crane_identification.validation.motion_validation import CommandValidation, MotionValidation
+from crane_model.hydraulics import HydraulicValues
 from crane_model.model_file import Model
 
 
@@ -75,19 +74,19 @@ def hydraulics(values: HydraulicValues | None) -> Table:
 
 def ahead(model: Model, found: CommandValidation | MotionValidation) -> Table:
     """Error of a simulation at the end of its windows, joint by joint."""
-    way = found.way if isinstance(found, CommandValidation) else found.displacement_rms
+    path = found.path if isinstance(found, CommandValidation) else found.displacement_rms
     result = plain_table()
     headings = (
         f"{plain(found.horizon)} s ahead, {found.windows} windows",
         "error (rms)",
-        "way",
+        "path",
         "unit",
-        "error / way",
+        "error / path",
     )
     for heading in headings:
         result.add_column(heading, justify="left" if heading == headings[0] else "right")
     for joint, error, gone, share in zip(
-        found.joints, found.position_rms, way, found.relative, strict=True
+        found.joints, found.position_rms, path, found.relative, strict=True
     ):
         unit = model.setting.units[joint]
         result.add_row(joint, plain(float(error)), plain(float(gone)), unit, percent(float(share)))
@@ -117,8 +116,8 @@ def tell(report: IdentificationReport, out: Path) -> None:
             print(f"  {joint}: {percent(error)} ({noise})")
     if report.commanded:
         print("motion simulated from valve commands alone, against held-out recordings:")
-    for one in report.commanded:
-        console(100).print(ahead(report.fit.model, one))
+    for validation in report.commanded:
+        console(100).print(ahead(report.fit.model, validation))
     if report.simulated is not None and report.simulated.reason:
         print(f"the motion cannot be simulated: {report.simulated.reason}")
     print(f"written: {out}/model.yaml, {out}/summary.json, {out}/report.html")

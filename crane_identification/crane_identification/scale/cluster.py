@@ -20,13 +20,10 @@ from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_identification.recording_check.check import vetted
-from crane_identification.scale.information import Information
-from crane_identification.scale.summed import FirstRound, SummedFit, read, rows_of
+from crane_identification.scale.summed import FirstRound, Information, SummedFit, read, rows_of
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
-
-# A Dask cluster that answers.
 
 ANSWER = 30.0  # s for the scheduler to answer
 ADDRESS = re.compile(r"(tcp|tls|ws|wss)://([^\s:/\[\]]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}")
@@ -117,7 +114,7 @@ def _fit(
         [options.covariance] * len(paths),
     )
     spread = sum(results(on_workers(meat, rows, *noise), "uncertainty"))
-    told = tuple(one for of in suspicions for one in of)
+    told = tuple(part for of in suspicions for part in of)
     return SummedFit(total.fitted(model, spread), total.information, told, workers)
 
 

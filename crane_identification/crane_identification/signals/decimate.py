@@ -11,12 +11,13 @@ from scipy import signal
 
 from crane_model.errors import DataError, NoMotionError
 
-ORDER = 8
-RIPPLE = 0.05  # dB
-PASS_BAND = 0.8  # of half the sampling rate after decimation; these three as MATLAB's decimate
-PADDING = 3 * ORDER
+CHEBYSHEV_ORDER = 8
+RIPPLE_DB = 0.05  # dB
+# Of half the sampling rate after decimation; these three as MATLAB's decimate
+PASS_BAND_SHARE = 0.8
+FILTER_PADDING = 3 * CHEBYSHEV_ORDER
 KEPT_SHARE = 0.2  # of the bandwidth of the motion
-MEMORY = 64  # rows after which the filter has forgotten everything
+FILTER_MEMORY_ROWS = 64  # rows after which the filter has forgotten everything
 UNFILTERED = np.ones(1)
 """Autocorrelation (lags,) of white noise that has passed no filter."""
 
@@ -40,14 +41,14 @@ def decimate(values: np.ndarray, factor: int, periodic: bool = False) -> np.ndar
     n = len(values)
     if factor == 1:
         return values
-    if n <= PADDING:
-        raise DataError(f"{n} samples cannot be filtered; at least {PADDING + 1} are needed")
+    if n <= FILTER_PADDING:
+        raise DataError(f"{n} samples cannot be filtered; at least {FILTER_PADDING + 1} are needed")
     sections = _low_pass(factor)
     rows = decimation_rows(n, factor)
     if not periodic:
-        return signal.sosfiltfilt(sections, values, axis=0, padlen=PADDING)[rows]
+        return signal.sosfiltfilt(sections, values, axis=0, padlen=FILTER_PADDING)[rows]
     around = np.concatenate([values, values, values])
-    return signal.sosfiltfilt(sections, around, axis=0, padlen=PADDING)[rows + n]
+    return signal.sosfiltfilt(sections, around, axis=0, padlen=FILTER_PADDING)[rows + n]
 
 
 @cache
@@ -55,17 +56,19 @@ def filtered_noise(factor: int) -> np.ndarray:
     """Autocorrelation (lags,) that `decimate` gives to white noise."""
     if factor == 1:
         return UNFILTERED
-    impulse = np.zeros(2 * MEMORY * factor)
-    impulse[MEMORY * factor] = 1.0
+    impulse = np.zeros(2 * FILTER_MEMORY_ROWS * factor)
+    impulse[FILTER_MEMORY_ROWS * factor] = 1.0
     response = signal.sosfiltfilt(_low_pass(factor), impulse, padlen=0)
-    covariance = signal.correlate(response, response)[len(response) - 1 :: factor][:MEMORY]
+    covariance = signal.correlate(response, response)[len(response) - 1 :: factor][
+        :FILTER_MEMORY_ROWS
+    ]
     return covariance / covariance[0]
 
 
 @cache
 def _low_pass(factor: int) -> np.ndarray:
     """Sections of the filter."""
-    return signal.cheby1(ORDER, RIPPLE, PASS_BAND / factor, output="sos")
+    return signal.cheby1(CHEBYSHEV_ORDER, RIPPLE_DB, PASS_BAND_SHARE / factor, output="sos")
 
 
 def trusted_bandwidth(bandwidth: np.ndarray, known: np.ndarray) -> float:
@@ -86,4 +89,4 @@ def decimation_factor(bandwidth: float, step: float) -> int:
     There the estimated motion is the true one to 1e-4 (responses 1/(1 + 0.2⁶) and closer), so that
     even the short accelerations after a reversal are seen alike on both sides of (28).
     """
-    return max(1, int(PASS_BAND * 0.5 / step / (KEPT_SHARE * bandwidth) + 1e-9))
+    return max(1, int(PASS_BAND_SHARE * 0.5 / step / (KEPT_SHARE * bandwidth) + 1e-9))

@@ -19,11 +19,12 @@ from crane_identification.signals.motion import SmoothedMotion, checked
 from crane_model.errors import DataError
 from crane_model.progress_bar import Progress, silent
 
-STATES = 3
-SHORTEST = 20
+STATE_SIZE = 3
+SHORTEST_RECORD = 20
 DIFFUSE = 1e10  # variance of the unknown initial velocity and acceleration, in scaled units
 CONVERGED = 1e-13  # relative change of the covariance per sample at which it is taken as constant
-SETTLED = 10.0  # time constants that the likelihood leaves out while the filter finds its state
+# Time constants that the likelihood leaves out while the filter finds its state
+SETTLED_TIME_CONSTANTS = 10.0
 HIGHEST_BANDWIDTH = 0.25  # of the sampling rate: above, nothing is smoothed
 
 
@@ -44,14 +45,14 @@ class KalmanSmoother:
         self, position: np.ndarray, step: float, resolution: np.ndarray, progress: Progress = silent
     ) -> SmoothedMotion:
         """Motion at the times of `position` (n, j), `DataError` if there are too few samples."""
-        position = checked(position, step, SHORTEST)
+        position = checked(position, step, SHORTEST_RECORD)
         n, joints = position.shape
-        states = np.empty((STATES, n, joints))
+        states = np.empty((STATE_SIZE, n, joints))
         bandwidth, noise, velocity_noise = np.empty((3, joints))
         for j in range(joints):
             h, noise[j] = self._tuning(j, position[:, j], step, float(resolution[j]))
             omega = h / step
-            scale = noise[j] * omega ** np.arange(STATES)
+            scale = noise[j] * omega ** np.arange(STATE_SIZE)
             smoothed = smooth(position[:, j] / noise[j], h)
             states[:, :, j] = (smoothed * scale).T
             bandwidth[j] = omega / (2 * np.pi)
@@ -87,7 +88,7 @@ def most_likely(readings: np.ndarray, floor: float, fixed: float | None) -> tupl
         h = float(np.exp(log_h))
         covariance = predicted_covariance(h)
         variance = covariance[0, 0] + 1.0
-        settled = min(int(SETTLED / h), n // 2)
+        settled = min(int(SETTLED_TIME_CONSTANTS / h), n // 2)
         innovations = innovate(readings, h, covariance[:, 0] / variance)[settled:]
         noise = fixed or max(float(np.sqrt(np.mean(innovations**2) / variance)), floor)
         misfit = np.mean(innovations**2) / (variance * noise**2)
@@ -102,11 +103,11 @@ def most_likely(readings: np.ndarray, floor: float, fixed: float | None) -> tupl
 
 def scaled_filter(h: float) -> KalmanFilter:
     """The filter of the module's docstring before its first reading."""
-    kalman = KalmanFilter(dim_x=STATES, dim_z=1)
+    kalman = KalmanFilter(dim_x=STATE_SIZE, dim_z=1)
     kalman.F = np.array([[1.0, h, h * h / 2], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
     kalman.H = np.array([[1.0, 0.0, 0.0]])
     kalman.R = np.eye(1)
-    kalman.Q = Q_continuous_white_noise(dim=STATES, dt=h, spectral_density=h)
+    kalman.Q = Q_continuous_white_noise(dim=STATE_SIZE, dt=h, spectral_density=h)
     kalman.P = np.diag([1.0, DIFFUSE, DIFFUSE])
     return kalman
 
@@ -149,11 +150,11 @@ def _gains(
 
     In the form of Joseph, which keeps covariances positive in spite of a diffuse start.
     """
-    gains, filtered = np.empty((most, STATES)), np.empty((most, STATES, STATES))
+    gains, filtered = np.empty((most, STATE_SIZE)), np.empty((most, STATE_SIZE, STATE_SIZE))
     predicted = start.copy()
     for k in range(most):
         gain = predicted[:, 0] / (predicted[0, 0] + 1.0)
-        keeps = np.eye(STATES)
+        keeps = np.eye(STATE_SIZE)
         keeps[:, 0] -= gain
         now = keeps @ predicted @ keeps.T + np.outer(gain, gain)
         gains[k], filtered[k] = gain, now

@@ -10,6 +10,9 @@ from crane_model.progress_bar import Progress, silent
 
 SAME_READING = 1e-9
 """Readings closer than this share of their range are the same encoder count (float rounding)."""
+RESPONSE_ORDER = 6
+"""Of the response 1/(1 + (f/bandwidth)⁶): the Kalman smoother's, and that of the Fourier fit where
+the acceleration jumps, as dry friction makes it."""
 
 
 @dataclass(frozen=True)
@@ -94,10 +97,6 @@ def _smallest_step(readings: np.ndarray) -> float:
 
 # What estimators of motion leave of a signal, so that others can be seen as they see theirs.
 
-ORDER = 6
-"""Of the response 1/(1 + (f/bandwidth)⁶): the Kalman smoother's, and that of the Fourier fit where
-the acceleration jumps, as dry friction makes it."""
-
 
 def smoothed_alike(
     values: np.ndarray, bandwidth: np.ndarray, step: float, periodic: bool
@@ -109,5 +108,5 @@ def smoothed_alike(
     """
     around = values if periodic else np.concatenate([values, values[::-1]])
     frequency = np.fft.rfftfreq(len(around), step)[:, np.newaxis]
-    kept = np.fft.rfft(around, axis=0) / (1.0 + (frequency / bandwidth) ** ORDER)
+    kept = np.fft.rfft(around, axis=0) / (1.0 + (frequency / bandwidth) ** RESPONSE_ORDER)
     return np.fft.irfft(kept, len(around), axis=0)[: len(values)]

@@ -18,21 +18,50 @@ from crane_identification.signals.decimate import decimate, decimation_rows
 from crane_identification.signals.motion import smoothed_alike
 from crane_model.model_file import Model
 
+WORSE_ELSEWHERE = 1.5
+"""Held-out error over that of the training and its noise, above which a model does not carry over.
+"""
+LEFT_OUT_PARTS = 4
+"""Parts of each recording, each left out in turn."""
+WORSE_LEFT_OUT = 3.0
+"""Error where left out over that of the fit, above which recordings do not determine a model. Of a
+robot with six axes: 2.4 and 1.6 of two and three recordings that do, 6 and 20 of single ones."""
+VISIBLE_ERROR = 0.03
+"""Share of the force below which an error is none to speak of."""
+FLAT = 0.05
+"""Width of a motion in one direction of the joints' space, over the mean width of a joint, below
+which it does not count. Of the robot: 0.003 to 0.03 against 0.19 and more."""
+
 
 @dataclass(frozen=True)
 class Validation:
-    """How a model predicts one recording; all forces after the same zero-phase filter.
+    """Predicted against measured forces of one gapless run, behind the same zero-phase filter.
 
-    `rows`: the equations that a fit would use of it. `time` (n,) [s]; `measured`, `predicted` and
-    the model's `gravity` part (n, j) [N m or N]. Where a joint stands or turns back, friction (13)
-    may be anything between its two branches: the prediction there is the force in that range
-    nearest to the measured one, which costs nothing only if the measured force is one that the
-    model allows. That one is smoothed as the motion is: what the smoother takes from a short
-    acceleration it gives to its surroundings, and the filter cancels the two only if both count.
+    At standstill friction (13) may be anything between its two branches: the prediction is then the
+    allowed force nearest to the measured one, smoothed as the motion is.
 
-    Per joint (j,): `relative_error` ‖τ - τ̂‖/‖τ‖ over all samples; `relative_error_moving`, the same
-    over the share `moving` of them at which the sign of the joint's velocity is known; and
-    `noise_floor` [N m or N], the rms noise of the averaged force (NaN without two periods).
+    Parameters
+    ----------
+    preparation : Preparation
+        The prepared run.
+    rows : Rows
+        The equations that a fit would use of it.
+    joints : tuple of str
+        Names of the j joints.
+    time : ndarray, shape (n,)
+        Times [s].
+    measured, predicted, gravity : ndarray, shape (n, j)
+        Forces, and the model's gravity part [N m or N].
+    relative_error : ndarray, shape (j,)
+        ‖τ - τ̂‖/‖τ‖ over all samples.
+    relative_error_without_gravity : ndarray, shape (j,)
+        The same relative to τ without its gravity part.
+    relative_error_moving : ndarray, shape (j,)
+        The same over the samples at which the sign of the joint's velocity is known.
+    moving : ndarray, shape (j,)
+        Share of these samples.
+    noise_floor : ndarray, shape (j,)
+        Rms noise of the averaged force [N m or N]; NaN without two periods.
     """
 
     preparation: Preparation
@@ -94,13 +123,6 @@ def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
     return np.linalg.norm(part, axis=0) / np.linalg.norm(whole, axis=0)
 
 
-# Does a model predict recordings that took no part as well as those that it is trained on?
-
-WORSE_ELSEWHERE = 1.5
-"""Held-out error over that of the training and its noise, above which a model does not carry over.
-"""
-
-
 def elsewhere(
     joints: Sequence[str], held_out: np.ndarray, trained: np.ndarray, noise_floor: np.ndarray
 ) -> tuple[str, ...]:
@@ -129,20 +151,9 @@ def elsewhere(
 # A fit that is good on its own recordings may be wrong on others, where some joints always moved
 # alike: then only combinations of parameters are known, though well enough for a small residual.
 
-PARTS = 4
-"""Parts of each recording, each left out in turn."""
-WORSE_LEFT_OUT = 3.0
-"""Error where left out over that of the fit, above which recordings do not determine a model. Of a
-robot with six axes: 2.4 and 1.6 of two and three recordings that do, 6 and 20 of single ones."""
-VISIBLE_ERROR = 0.03
-"""Share of the force below which an error is none to speak of."""
-FLAT = 0.05
-"""Width of a motion in one direction of the joints' space, over the mean width of a joint, below
-which it does not count. Of the robot: 0.003 to 0.03 against 0.19 and more."""
-
 
 def undetermined(rows: Rows, trained: np.ndarray, preparations: Sequence[Preparation]) -> str:
-    """A warning if parts of the training recordings do not foretell the others; else empty.
+    """A warning if parts of the training recordings do not predict the others; else empty.
 
     `trained` (j,) is the error of the fit relative to the force.
     """
@@ -161,35 +172,35 @@ def undetermined(rows: Rows, trained: np.ndarray, preparations: Sequence[Prepara
         else ""
     )
     return (
-        "These recordings do not determine the model: a quarter that is left out is foretold worse "
-        f"than it is fitted ({listed(worse)}).{alike} Add recordings of other motions, or what is "
-        "known beforehand (--prior)."
+        "These recordings do not determine the model: a quarter that is left out is predicted "
+        f"worse than it is fitted ({listed(worse)}).{alike} Add recordings of other motions, or "
+        "what is known beforehand (--prior)."
     )
 
 
 def left_out(rows: Rows) -> np.ndarray:
-    """Error of each joint (j,) relative to its force, each part foretold by the others; NaN where
+    """Error of each joint (j,) relative to its force, each part predicted by the others; NaN where
     the others have too few rows.
     """
     weights = balancing(rows)
     part = np.empty(len(rows.run), dtype=int)
     for run in np.unique(rows.run):
-        own = np.flatnonzero(rows.run == run)
-        part[own] = np.arange(len(own)) * PARTS // len(own)
+        of_run = np.flatnonzero(rows.run == run)
+        part[of_run] = np.arange(len(of_run)) * LEFT_OUT_PARTS // len(of_run)
     errors, forces = np.zeros((2, len(rows.joints)))
-    for k in range(PARTS):
-        others, one = _of(rows, part != k), _of(rows, part == k)
-        if others.samples <= len(rows.names):
+    for k in range(LEFT_OUT_PARTS):
+        training, held_out = _of(rows, part != k), _of(rows, part == k)
+        if training.samples <= len(rows.names):
             return np.full(len(rows.joints), np.nan)
-        values = solve_weighted(others, weights).values
-        errors += one.norms(one.residual(values)) ** 2
-        forces += one.norms(one.force) ** 2
+        values = solve_weighted(training, weights).values
+        errors += held_out.norms(held_out.residual(values)) ** 2
+        forces += held_out.norms(held_out.force) ** 2
     return np.sqrt(np.divide(errors, forces, out=np.full_like(errors, np.nan), where=forces > 0.0))
 
 
 def spanned(preparations: Sequence[Preparation]) -> int:
     """In how many directions of the joints' space the motion is wide."""
-    position = np.concatenate([one.record.position for one in preparations])
+    position = np.concatenate([preparation.record.position for preparation in preparations])
     deviation = position - position.mean(axis=0)
     width = deviation.std(axis=0)
     scaled = deviation / np.where(width > 0.0, width, 1.0)

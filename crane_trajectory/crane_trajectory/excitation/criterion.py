@@ -1,4 +1,12 @@
-"""Criteria of (35), and how well a trajectory determines the parameters of a model."""
+"""Criteria of (35), and how well a trajectory determines the parameters of a model.
+
+Criteria are functions of Phi^T Phi that are small where the parameters are determined well.
+Condition numbers depend on which columns count and, but for the normalised one, on their units, so
+the column set is named; a condition number compares only within one set. D- and A-optimality do not
+depend on units; they weigh the rows by the noise of their joints. In a search power means replace
+the largest and the smallest eigenvalue: where the smallest two are equal, as they are at good
+trajectories, the condition number has no gradient.
+"""
 
 from enum import StrEnum
 from typing import Annotated, NamedTuple
@@ -16,7 +24,9 @@ from crane_model.record import Record
 from crane_model.terms.rigid_body import BASE_PARAMETERS
 from crane_trajectory.motion.periodic import FourierTrajectory, MotionSamples
 
-# Named sets of regressor columns: a condition number compares only within one of them.
+POWER = 8.0  # of the power means over eigenvalues of Phi^T Phi
+UNSEEN = 1e-9
+"""Share of a parameter in what recordings do not tell, below which they determine it."""
 
 
 class ColumnSet(StrEnum):
@@ -32,12 +42,12 @@ def column_map(model: Model, columns: ColumnSet) -> np.ndarray:
 
     Raises `ConfigurationError` if the model has no columns of (9).
     """
-    every = np.eye(len(model.parameters))
+    identity = np.eye(len(model.parameters))
     if columns is ColumnSet.BASE:
-        return every
+        return identity
     if columns is ColumnSet.INERTIAL:
-        return every[:, inertial_columns(model)]
-    if not has_report_columns(model):
+        return identity[:, inertial_columns(model)]
+    if not model.terms[0].has_base_parameters:
         raise ConfigurationError(
             f"model '{model.name}': the columns of (9) are those of the term planar_rigid_body, "
             "which must be its first"
@@ -45,12 +55,7 @@ def column_map(model: Model, columns: ColumnSet) -> np.ndarray:
     assert model.machine is not None  # a model of planar_rigid_body has one
     count = len(BASE_PARAMETERS)
     to_report = report_from_base(Geometry.of(model.machine))  # xi_(9) = T xi, so Phi T^-1
-    return block_diag(np.linalg.inv(to_report), every[count:, count:])
-
-
-def has_report_columns(model: Model) -> bool:
-    """Whether the model's first columns are those of the base set, from which (9) follows."""
-    return model.terms[0].has_base_parameters
+    return block_diag(np.linalg.inv(to_report), identity[count:, count:])
 
 
 def inertial_columns(model: Model) -> np.ndarray:
@@ -58,12 +63,6 @@ def inertial_columns(model: Model) -> np.ndarray:
     return np.concatenate(
         [np.full(len(term.parameters(model.setting)), term.has_inertia()) for term in model.terms]
     )
-
-
-# How well a trajectory determines the parameters of a model: condition numbers and predictions.
-
-UNSEEN = 1e-9
-"""Share of a parameter in what recordings do not tell, below which they determine it."""
 
 
 class PredictedRecording(Schema):
@@ -145,7 +144,7 @@ def _motion(model: Model, trajectory: FourierTrajectory, samples: int) -> Motion
         )
     motion = trajectory.evaluate(np.arange(samples) * trajectory.period / samples)
     columns = [trajectory.joint_names.index(joint) for joint in model.joints]
-    return MotionSamples(*(np.ascontiguousarray(one[:, columns]) for one in motion))
+    return MotionSamples(*(np.ascontiguousarray(samples[:, columns]) for samples in motion))
 
 
 def one_period(model: Model, trajectory: FourierTrajectory, samples: int) -> np.ndarray:
@@ -170,7 +169,7 @@ def figures_of_merit(
     stacked = regressor.reshape(-1, len(model.parameters))
     gram = stacked.T @ stacked
     merit = _conditions("condition_number", gram, inertial_columns(model))
-    if has_report_columns(model):
+    if model.terms[0].has_base_parameters:
         change = column_map(model, ColumnSet.REPORT)
         reported = change.T @ gram @ change
         merit |= _conditions("condition_number_report", reported, inertial_columns(model))
@@ -189,17 +188,6 @@ def _conditions(name: str, gram: np.ndarray, inertial: np.ndarray) -> dict[str, 
         only = gram[np.ix_(inertial, inertial)]
         merit[f"{name}_inertial"] = float(condition_numbers(only)[0])
     return merit
-
-
-# Criteria of (35): functions of Phi^T Phi that are small where the parameters are determined well.
-#
-# Condition numbers depend on which columns count and, but for the normalised one, on their units,
-# so the column set is named. D- and A-optimality do not depend on units; they weigh the rows by the
-# noise of their joints. In a search power means replace the largest and the smallest eigenvalue:
-# where the smallest two are equal, as they are at good trajectories, the condition number has no
-# gradient.
-
-POWER = 8.0  # of the power means over eigenvalues of Phi^T Phi
 
 
 class CriterionKind(StrEnum):
@@ -235,8 +223,8 @@ def log_normalised_condition(gram: np.ndarray, power: float = POWER) -> Criterio
     scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     normal = gram * np.outer(scale, scale)
     value, slope = log_condition(normal, power)
-    own = slope - np.diag((slope * normal).sum(axis=1))  # the lengths move with the columns
-    return CriterionValue(value, own * np.outer(scale, scale))
+    projected = slope - np.diag((slope * normal).sum(axis=1))  # the lengths move with the columns
+    return CriterionValue(value, projected * np.outer(scale, scale))
 
 
 def log_volume(gram: np.ndarray) -> CriterionValue:

@@ -1,5 +1,16 @@
-"""The limits of (35) on a grid of times, with exact derivatives, and the settings of a search."""
+"""The limits of (35) on a grid of times, with exact derivatives, and the settings of a search.
 
+Every criterion of (35) is a function of Phi^T Phi. Its derivative with respect to the motion is
+sum_jk weight_njk dPhi_njk / d(q, q', q'') at each sample n: the regressor pulled back by a weight.
+The terms of rigid bodies and all `motion_columns` have closed forms; for any other term of one
+instant, differences of fourth order, which are exact to rounding where the term is smooth.
+
+Positions, velocities and accelerations are linear in the coefficients; pump flow and room of the
+boom tip are not. Cylinder strokes cover the positions of Table 2, or the machine is refused when it
+is loaded.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -15,11 +26,14 @@ from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting, Term
-from crane_trajectory.excitation.criterion import PredictedRecording
+from crane_trajectory.excitation.criterion import PredictedRecording, record_of
 from crane_trajectory.motion.check import Clearance, TipRoom, pump_flow
 from crane_trajectory.motion.periodic import MotionSamples
 
-# How excitation trajectories are searched and judged: `design.yaml`.
+STENCIL_STEP = 1e-3  # rad, m and their derivatives: rounding and truncation are alike
+STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
+HOME_POSES, MOST_HOME_POSES = 7, 2401  # per joint and in all, among which the home pose is chosen
+NEGLIGIBLE = 1e-3  # share of the flow, m: a search ends this close to a limit, within its margin
 
 Share = Annotated[float, Field(ge=0, lt=1)]
 Count = Annotated[int, Field(ge=1)]
@@ -32,6 +46,13 @@ class Margins(Schema):
     velocity: Share
     flow: Share
     room: Annotated[float, Field(ge=0)]  # m
+
+    def positions(self, machine: Machine, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest positions (j,) that they leave of Table 2."""
+        limits = [machine.limits[joint] for joint in joints]
+        lowest, highest = np.array([(row.position_min, row.position_max) for row in limits]).T
+        free = self.position * (highest - lowest)
+        return lowest + free, highest - free
 
 
 class SearchStage(Schema):
@@ -55,7 +76,19 @@ class SearchSettings(Schema):
 
 
 class DesignSettings(Schema):
-    """Everything of `design.yaml`."""
+    """How excitation trajectories are searched and judged: everything of `design.yaml`.
+
+    Parameters
+    ----------
+    search
+        How the search samples, starts and ends.
+    margins
+        What a design keeps free of the limits.
+    experiment
+        The recording for which standard deviations are predicted.
+    plausible
+        Plausible values of parameters by name, that standard deviations relate to [SI].
+    """
 
     search: SearchSettings
     margins: Margins
@@ -64,31 +97,29 @@ class DesignSettings(Schema):
 
 
 def load_design_settings(path: Path | str) -> DesignSettings:
-    """The settings in `path`; `ConfigurationError` if wrong."""
+    """Load the settings of a search from a YAML file.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    DesignSettings
+        The settings.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, or a value in it is wrong.
+    """
     return load(path, DesignSettings)
-
-
-# Derivatives of regressor columns with respect to the motion, summed with weights.
-#
-# Every criterion of (35) is a function of Phi^T Phi. Its derivative with respect to the motion is
-# sum_jk weight_njk dPhi_njk / d(q, q', q'') at each sample n: the regressor pulled back by a
-# weight. The terms of rigid bodies and all `motion_columns` have closed forms; for any other term
-# of one instant, differences of fourth order, which are exact to rounding where the term is smooth.
-
-STEP = 1e-3  # rad, m and their derivatives: rounding and truncation of the stencil are alike
-STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
 
 
 def smooth_record(model: Model, motion: MotionSamples, width: np.ndarray) -> Record:
     """Samples (n, j) as the model takes them, with tanh(q' / width) for sgn(q'); width (j,)."""
-    return Record(
-        joints=model.joints,
-        time=np.arange(len(motion.position), dtype=float),
-        position=motion.position,
-        velocity=motion.velocity,
-        acceleration=motion.acceleration,
-        direction_known=np.tanh(motion.velocity / width),
-    )
+    return record_of(model, motion, np.tanh(motion.velocity / width))
 
 
 def smooth_regressor(model: Model, record: Record) -> np.ndarray:
@@ -128,8 +159,8 @@ def _by_differences(
     weights (n, j, p).
     """
     slopes = np.zeros((3, *record.position.shape))
-    one = term.only_joint
-    for j in range(len(width)) if one is None else [record.column(one)]:
+    only_joint = term.only_joint
+    for j in range(len(width)) if only_joint is None else [record.column(only_joint)]:
 
         def weighted(quantity: str, shift: float, j: int = j) -> np.ndarray:
             shifted = getattr(record, quantity).copy()
@@ -142,19 +173,9 @@ def _by_differences(
             return total
 
         for slope, quantity in zip(slopes, ("position", "velocity", "acceleration"), strict=True):
-            shares = [factor * weighted(quantity, k * STEP) for k, factor in STENCIL]
-            slope[:, j] = np.sum(shares, axis=0) / STEP
+            shares = [factor * weighted(quantity, k * STENCIL_STEP) for k, factor in STENCIL]
+            slope[:, j] = np.sum(shares, axis=0) / STENCIL_STEP
     return slopes
-
-
-# The limits of (35) on a grid of times, with exact derivatives.
-#
-# Positions, velocities and accelerations are linear in the coefficients; pump flow and room of the
-# boom tip are not. Cylinder strokes cover the positions of Table 2, or the machine is refused when
-# it is loaded.
-
-POSES, MOST_POSES = 7, 2401  # per joint and in all, among which the home pose is chosen
-NEGLIGIBLE = 1e-3  # share of the flow, m: a search ends this close to a limit, within its margin
 
 
 class Limit(StrEnum):
@@ -189,16 +210,10 @@ class Limits:
         counts = Limit.ROOM not in without
         self._sides = [side for side in (0, 1) if counts and np.isfinite(keep[side])]
         self._keep = keep[self._sides]
-        if self._sides and not set(self._room.joints) <= set(joints):
-            raise ConfigurationError(
-                f"{machine.name}: the room of its tip depends on {', '.join(self._room.joints)}, "
-                f"but the model has only {', '.join(joints)}; add the others to the model, or "
-                "design without room"
-            )
+        if self._sides:
+            self._room.require(joints, ", or design without room")
         rows = [machine.limits[joint] for joint in joints]
-        lowest, highest = np.array([(row.position_min, row.position_max) for row in rows]).T
-        free = margins.position * (highest - lowest)
-        self.lowest, self.highest = lowest + free, highest - free
+        self.lowest, self.highest = margins.positions(machine, joints)
         share = np.inf if Limit.VELOCITY in without else 1.0 - margins.velocity
         self.slowest = np.array([row.velocity_min for row in rows]) * share
         self.fastest = np.array([row.velocity_max for row in rows]) * share
@@ -231,7 +246,7 @@ class Limits:
             ]
         return np.concatenate([*blocks, np.empty((0, len(point)))])
 
-    def mend(self, point: np.ndarray) -> np.ndarray:
+    def repaired(self, point: np.ndarray) -> np.ndarray:
         """A point within the limits near the given one; the point itself if it is within.
 
         Waves that are too large for a joint are scaled and shifted to fit; then the whole motion is
@@ -253,12 +268,12 @@ class Limits:
             self.lowest - scale * swing.min(axis=0),
             self.highest - scale * swing.max(axis=0),
         )
-        mended = waves.ravel()
+        repaired = waves.ravel()
         for share in 1.0 - np.linspace(0.0, 1.0, 21):
-            drawn = self.drawn_home(mended, share)
+            drawn = self.drawn_home(repaired, share)
             if (self.reserves(drawn) >= -NEGLIGIBLE).all():
                 return drawn
-        return self.drawn_home(mended, 0.0)
+        return self.drawn_home(repaired, 0.0)
 
     def drawn_home(self, point: np.ndarray, share: float) -> np.ndarray:
         """The motion scaled by `share` about the home pose; linear limits stay kept."""
@@ -327,7 +342,7 @@ class Limits:
 
     def _home_pose(self) -> np.ndarray:
         """The pose (j,) of a coarse grid that is farthest from all limits of position and room."""
-        count = poses_per_joint(len(self.joints), POSES, MOST_POSES)
+        count = poses_per_joint(len(self.joints), HOME_POSES, MOST_HOME_POSES)
         steps = (np.arange(count) + 0.5) / count
         shares = np.stack(np.meshgrid(*[steps] * len(self.joints)), axis=-1)
         shares = shares.reshape(-1, len(self.joints))

@@ -34,8 +34,6 @@ from crane_trajectory.motion.check import (
 )
 from crane_trajectory.motion.periodic import FourierTrajectory, MotionSamples, harmonic_basis
 
-# (35) for one model, period and number of harmonics, and its local search in two stages.
-
 DECIMALS = 6  # to which coefficients are rounded
 REDUCTIONS = (0.0, *(1e-4 * 2.0 ** np.arange(13)))  # of amplitude, tried in turn
 QUANTITIES = {
@@ -85,7 +83,7 @@ class ExcitationProblem:
 
     @cached_property
     def start_limits(self) -> Limits:
-        """On the grid that starts are mended on."""
+        """On the grid that starts are repaired on."""
         return self.limits(self.search.explore.grid_per_harmonic)
 
     def limits(self, per_harmonic: int) -> Limits:
@@ -143,15 +141,15 @@ class ExcitationProblem:
     def explore(self, rng: np.random.Generator) -> np.ndarray:
         """The point that the first stage leads to from a random trajectory."""
         start = self.random_point(rng)
-        found = self.start_limits.mend(self.descend(start, self.search.explore))
+        found = self.start_limits.repaired(self.descend(start, self.search.explore))
         return min(found, start, key=self.value)
 
     def polish(self, point: np.ndarray, name: str) -> FoundTrajectory:
         """The trajectory that the second stage leads to, within the limits at all times."""
         limits = self.limits(self.search.polish.grid_per_harmonic)
-        found = limits.mend(self.descend(point, self.search.polish))
-        candidates = [self.fitted(one, name) for one in (found, point)]
-        return min(candidates, key=lambda one: (bool(one.violations), one.criterion))
+        found = limits.repaired(self.descend(point, self.search.polish))
+        candidates = [self.fitted(candidate, name) for candidate in (found, point)]
+        return min(candidates, key=lambda found: (bool(found.violations), found.criterion))
 
     def fitted(self, point: np.ndarray, name: str) -> FoundTrajectory:
         """The trajectory of a point, scaled down where extremes between grid points need it."""
@@ -175,7 +173,7 @@ class ExcitationProblem:
         swing = np.abs(limits.basis.position @ waves).max(axis=0)
         waves *= self.search.start_amplitude * half / swing
         waves[0] = limits.lowest + half * (1.0 + 0.4 * rng.uniform(-1.0, 1.0, self.shape[1]))
-        return limits.mend(waves.ravel())
+        return limits.repaired(waves.ravel())
 
     def check(self, trajectory: FourierTrajectory) -> tuple[Violation, ...]:
         """The limits that count and that the trajectory passes at any time, margins aside."""
@@ -218,9 +216,6 @@ def machine_of(model: Model) -> Machine:
     return model.machine
 
 
-# Multi-start over processes: every start explores, the best few are polished.
-
-
 def search(
     problem: ExcitationProblem,
     seed: int,
@@ -231,8 +226,9 @@ def search(
 ) -> list[FoundTrajectory]:
     """The trajectories of the best starts, best first; those that pass a limit come last.
 
-    A start depends on the seed and its number alone, so the outcome does not depend on the number
-    of workers. `progress` is called `steps(problem, starts)` times.
+    Every start explores, in processes; the best few are polished. A start depends on the seed and
+    its number alone, so the outcome does not depend on the number of workers.
+    `progress` is called `steps(problem, starts)` times.
     """
     rngs = [np.random.default_rng([seed, start]) for start in range(starts)]
     points = []
@@ -283,9 +279,6 @@ def _environment(**variables: str) -> Iterator[None]:
                 os.environ[name] = value
 
 
-# A campaign: trajectories designed in sequence, each for the information that is still lacking.
-
-
 def campaign(
     problem: ExcitationProblem,
     names: Sequence[str],
@@ -294,7 +287,8 @@ def campaign(
     workers: Executor,
     progress: Callable[[], object] = lambda: None,
 ) -> Iterator[FoundTrajectory]:
-    """One trajectory a name, each minimising the criterion of all data up to and with its own.
+    """One trajectory a name, designed in sequence, each for the information that is still lacking:
+    it minimises the criterion of all data up to and with its own.
 
     Raises `RangeError` if no start leads to a trajectory within the limits.
     """

@@ -1,24 +1,34 @@
-"""Whole-trajectory check: Table 2, cylinder stroke, pump flow, and clearance of the boom tip."""
+"""Whole-trajectory check: Table 2, cylinder stroke, pump flow, room of the tip; its picture."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from crane_model.configuration import NonNegative, Schema, load
 from crane_model.cylinders import lever_arm
-from crane_model.errors import RangeError
+from crane_model.errors import ConfigurationError, RangeError
 from crane_model.kinematics import tip_jacobian, tip_position
 from crane_model.machine import Machine
 from crane_trajectory.motion.periodic import PeriodicTrajectory
 
-# Extremes of sampled functions of time, refined between the samples.
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-STEPS = 30  # shrink a bracket by 5e-7, so a smooth maximum by the square of that
+GOLDEN_STEPS = 30  # shrink a bracket by 5e-7, so a smooth maximum by the square of that
+GRID_PER_PERIOD = 40  # samples per period of the highest harmonic; extremes are refined from these
+LIMIT_TOLERANCE = 1e-9  # of a limit, for a reference that runs exactly along it
+SMALL = 1e-9  # m, or sine of an angle
+DIRECTION_DECIMALS = 12  # so that axes of the base's frame are exact
+PICTURE_POINTS = 1000
+LINE_COLOR, LIMIT_COLOR = "#1f4e79", "#c0392b"
+
+PathFunction = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Times (m,) [s] to positions and velocities, each (m, j)."""
 
 
 def maxima(
@@ -38,7 +48,7 @@ def maxima(
     pick = np.arange(len(row))
     left = grid[np.maximum(row - 1, 0)]
     right = grid[np.minimum(row + 1, len(grid) - 1)]
-    for _ in range(STEPS):
+    for _ in range(GOLDEN_STEPS):
         width = GOLDEN * (right - left)
         inner_left, inner_right = right - width, left + width
         both = function(np.concatenate([inner_left, inner_right]))
@@ -54,12 +64,6 @@ def maxima(
     order = np.lexsort((value, column))  # the largest of each column comes last
     last = np.flatnonzero(np.diff(column[order], append=samples.shape[1]))
     return time[order][last], value[order][last]
-
-
-# Room of the tip: its distance from the pillar, and its height above the ground.
-
-SMALL = 1e-9  # m, or sine of an angle
-DECIMALS = 12  # of directions, so that axes of the base's frame are exact
 
 
 class TipRoom:
@@ -82,12 +86,20 @@ class TipRoom:
         """Those that move the tip with respect to the pillar."""
         self._foot = (placed if slewing else frame)[:3, 3]
         ranges = [machine.limits[joint] for joint in self.joints]
-        middle = np.array([[(one.position_min + one.position_max) / 2 for one in ranges]])
-        way = tip_position(machine, self._all_joints(self.joints, middle))[0] - self._foot
-        way -= (way @ up) * up
-        if np.linalg.norm(way) < SMALL:  # upright: ahead is where the base's frame says
-            way = frame[:3, 0] - (frame[:3, 0] @ up) * up
-        self._directions = np.round([way / np.linalg.norm(way), up], DECIMALS)
+        middle = np.array([[(limits.position_min + limits.position_max) / 2 for limits in ranges]])
+        ahead = tip_position(machine, self._all_joints(self.joints, middle))[0] - self._foot
+        ahead -= (ahead @ up) * up
+        if np.linalg.norm(ahead) < SMALL:  # upright: ahead is where the base's frame says
+            ahead = frame[:3, 0] - (frame[:3, 0] @ up) * up
+        self._directions = np.round([ahead / np.linalg.norm(ahead), up], DIRECTION_DECIMALS)
+
+    def require(self, joints: Sequence[str], instead: str = "") -> None:
+        """`ConfigurationError` unless `joints` are all that move the tip."""
+        if not set(self.joints) <= set(joints):
+            raise ConfigurationError(
+                f"{self._machine.name}: the room of its tip depends on {', '.join(self.joints)}, "
+                f"but the model has only {', '.join(joints)}; add the others to the model{instead}"
+            )
 
     def at(self, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
         """(n, j) positions of `joints` to (n, 2): distance, positive ahead, and height [m]."""
@@ -103,6 +115,17 @@ class TipRoom:
         slopes[:, :, [joint not in self.joints for joint in joints]] = 0.0
         return slopes
 
+    def point(self, pose: np.ndarray, distance: float, height: float) -> np.ndarray:
+        """(3,) in the base frame [m], in the upright plane in which the tip is at `pose` (j,)."""
+        up, names = self._directions[1], self._machine.joint_names
+        way = tip_position(self._machine, pose[np.newaxis])[0] - self._foot
+        way -= (way @ up) * up
+        ahead = way * np.sign(self.at(names, pose[np.newaxis])[0, 0])
+        if (length := float(np.linalg.norm(ahead))) < SMALL:
+            ahead, length = self._directions[0], 1.0
+        point: np.ndarray = self._foot + distance / length * ahead
+        return point + (height - point @ up) * up
+
     def _all_joints(self, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
         q = np.zeros((len(position), len(self._machine.joint_names)))
         for joint in self.joints:
@@ -110,22 +133,17 @@ class TipRoom:
         return q
 
 
-def tip_room(machine: Machine, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
-    """`TipRoom.at` of a machine, for once."""
-    return TipRoom(machine).at(joints, position)
-
-
-# Whole-trajectory check: Table 2, cylinder stroke, pump flow, and room for the boom tip.
-
-GRID_PER_PERIOD = 40  # samples per period of the highest harmonic; extremes are refined from these
-TOLERANCE = 1e-9  # of a limit, for a reference that runs exactly along it
-
-Reference = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Times (m,) [s] to positions and velocities, each (m, j)."""
-
-
 class Clearance(Schema):
-    """Room that the boom tip keeps [m], as `TipRoom` has it; null where it needs none."""
+    """Room that the boom tip keeps, as `TipRoom` has it.
+
+    Parameters
+    ----------
+    gripper_length
+        How far the gripper hangs below the tip [m].
+    ground_clearance, pillar_clearance
+        Least distance of the gripper from the ground and of the tip from the pillar [m]; None if
+        there is none to keep.
+    """
 
     gripper_length: NonNegative
     ground_clearance: NonNegative | None
@@ -147,7 +165,23 @@ class Clearance(Schema):
 
 
 def load_clearance(path: Path | str) -> Clearance:
-    """The clearance in `path`; `ConfigurationError` if wrong."""
+    """Load the clearance of a YAML file.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    Clearance
+        The clearance.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, or a value in it is wrong.
+    """
     return load(path, Clearance)
 
 
@@ -175,29 +209,30 @@ class Violation:
 def violations(
     machine: Machine,
     joints: Sequence[str],
-    reference: Reference,
+    reference: PathFunction,
     grid: np.ndarray,
     clearance: Clearance,
 ) -> list[Violation]:
     """Every limit that `reference` passes within the span of `grid`, worst value each.
 
     The grid (n,) [s] must separate the extremes; they are refined between its points. Clearance is
-    checked where all joints that move the tip to and fro are among `joints`.
+    checked if all joints that move the tip to and fro are among `joints`.
     """
     found: list[Violation] = []
     fits = set()
-    for joint, extremes in zip(joints, _joint_extremes(reference, grid), strict=True):
+    for joint, (lowest, highest, slowest, fastest) in zip(
+        joints, _joint_extremes(reference, grid), strict=True
+    ):
         limits, unit = machine.limits[joint], machine.units[joint]
         position = [
-            *_above(joint, "position", extremes.highest, limits.position_max, unit),
-            *_below(joint, "position", extremes.lowest, limits.position_min, unit),
+            *_above(joint, "position", highest, limits.position_max, unit),
+            *_below(joint, "position", lowest, limits.position_min, unit),
         ]
-        found += [
-            *position,
-            *_above(joint, "velocity", extremes.fastest, limits.velocity_max, f"{unit}/s"),
-            *_below(joint, "velocity", extremes.slowest, limits.velocity_min, f"{unit}/s"),
-            *(_stroke(machine, joint, extremes) if joint in machine.cylinders else ()),
-        ]
+        found += position
+        found += _above(joint, "velocity", fastest, limits.velocity_max, f"{unit}/s")
+        found += _below(joint, "velocity", slowest, limits.velocity_min, f"{unit}/s")
+        if joint in machine.cylinders:
+            found += _stroke(machine, joint, (lowest, highest))
         if not position:
             fits.add(joint)
     if fits == set(joints):  # elsewhere lever arms and tip have no meaning
@@ -211,7 +246,7 @@ def violations(
 
 def check_joints(machine: Machine, trajectory: PeriodicTrajectory) -> None:
     """`RangeError` unless the machine has every joint that the trajectory moves."""
-    if unknown := [one for one in trajectory.joint_names if one not in machine.joint_names]:
+    if unknown := [joint for joint in trajectory.joint_names if joint not in machine.joint_names]:
         raise RangeError(
             f"trajectory '{trajectory.name}': no joint {', '.join(unknown)}; {machine.name} has "
             f"the joints {', '.join(machine.joint_names)}"
@@ -252,48 +287,36 @@ class Extreme(NamedTuple):
     value: float
 
 
-class JointExtremes(NamedTuple):
-    """Lowest and highest position, slowest and fastest velocity of one joint."""
+def _joint_extremes(reference: PathFunction, grid: np.ndarray) -> list[list[Extreme]]:
+    """Lowest and highest position, slowest and fastest velocity of each joint."""
 
-    lowest: Extreme
-    highest: Extreme
-    slowest: Extreme
-    fastest: Extreme
-
-
-def _joint_extremes(reference: Reference, grid: np.ndarray) -> list[JointExtremes]:
     def both_sides(time: np.ndarray) -> np.ndarray:
         position, velocity = reference(time)
         return np.hstack([-position, position, -velocity, velocity])
 
-    times, values = (array.reshape(4, -1).T.tolist() for array in maxima(both_sides, grid))
+    times, values = (array.reshape(4, -1).T for array in maxima(both_sides, grid))
+    values = values * (-1.0, 1.0, -1.0, 1.0)
     return [
-        JointExtremes(
-            Extreme(time[0], -value[0]),
-            Extreme(time[1], value[1]),
-            Extreme(time[2], -value[2]),
-            Extreme(time[3], value[3]),
-        )
-        for time, value in zip(times, values, strict=True)
+        [Extreme(*pair) for pair in zip(time, value, strict=True)]
+        for time, value in zip(times.tolist(), values.tolist(), strict=True)
     ]
 
 
 def _above(joint: str, quantity: str, extreme: Extreme, limit: float, unit: str) -> list[Violation]:
-    if extreme.value <= limit + TOLERANCE * abs(limit):
+    if extreme.value <= limit + LIMIT_TOLERANCE * abs(limit):
         return []
     return [Violation(joint, quantity, extreme.time, limit, extreme.value, unit)]
 
 
 def _below(joint: str, quantity: str, extreme: Extreme, limit: float, unit: str) -> list[Violation]:
-    if extreme.value >= limit - TOLERANCE * abs(limit):
+    if extreme.value >= limit - LIMIT_TOLERANCE * abs(limit):
         return []
     return [Violation(joint, quantity, extreme.time, limit, extreme.value, unit)]
 
 
-def _stroke(machine: Machine, joint: str, extremes: JointExtremes) -> list[Violation]:
+def _stroke(machine: Machine, joint: str, ends: tuple[Extreme, Extreme]) -> list[Violation]:
     """The length is monotone in q, so its extremes are at those of the position."""
     cylinder, quantity = machine.cylinders[joint], "cylinder length"
-    ends = (extremes.lowest, extremes.highest)
     lengths = machine.cylinder(joint, np.array([end.value for end in ends]))[:, 0]
     found = []
     for end, value in zip(ends, lengths.tolist(), strict=True):
@@ -321,7 +344,7 @@ def pump_flow(
 
 
 def _flow(
-    machine: Machine, joints: Sequence[str], reference: Reference, grid: np.ndarray
+    machine: Machine, joints: Sequence[str], reference: PathFunction, grid: np.ndarray
 ) -> list[Violation]:
     def flow(time: np.ndarray) -> np.ndarray:
         return pump_flow(machine, joints, *reference(time))[:, None]
@@ -334,7 +357,7 @@ def _flow(
 def _room(
     room: TipRoom,
     joints: Sequence[str],
-    reference: Reference,
+    reference: PathFunction,
     grid: np.ndarray,
     clearance: Clearance,
 ) -> list[Violation]:
@@ -348,3 +371,53 @@ def _room(
         *_below("boom tip", "distance from pillar", near, distance, "m"),
         *_below("boom tip", "height", low, height, "m"),
     ]
+
+
+def draw(
+    path: Path, machine: Machine, trajectory: PeriodicTrajectory, clearance: Clearance
+) -> None:
+    """Draw one period like Fig. 8, limits dashed: positions and velocities of the joints that it
+    moves, pump flow, and the tip's room. The format is that of the file's name (.png, .svg, .pdf).
+    """
+    from matplotlib.figure import Figure  # a second to import
+
+    time = np.linspace(0.0, trajectory.period, PICTURE_POINTS)
+    motion = trajectory.evaluate(time)
+    joints = trajectory.joint_names
+    columns = max(len(joints), 3)
+    figure = Figure(figsize=(11.0 / 3.0 * columns, 7.5), layout="constrained")
+    figure.suptitle(f"{trajectory.name}: {trajectory.period:.4g} s, limits dashed")
+    axes = figure.subplots(3, columns, sharex=True)
+    for i, joint in enumerate(joints):
+        limits, unit, name = machine.limits[joint], machine.units[joint], joint.replace("_", " ")
+        positions = limits.position_min, limits.position_max
+        velocities = limits.velocity_min, limits.velocity_max
+        _panel(axes[0, i], time, motion.position[:, i], positions, f"{name} [{unit}]")
+        _panel(axes[1, i], time, motion.velocity[:, i], velocities, f"{name}, velocity [{unit}/s]")
+    if machine.supply:
+        flow = pump_flow(machine, joints, motion.position, motion.velocity)
+        litres = 60e3 * flow, (60e3 * machine.supply.pump_flow,)
+        _panel(axes[2, 0], time, *litres, "pump flow, all cylinders [l/min]")
+    room = TipRoom(machine)
+    if set(room.joints) <= set(joints):
+        distance, height = room.at(joints, motion.position).T
+        nearest, lowest = clearance.kept.tolist()
+        _panel(axes[2, 1], time, distance, (nearest,), "tip from pillar [m]")
+        _panel(axes[2, 2], time, height, (lowest,), "tip above ground [m]")
+    for panel in axes.ravel():
+        if not panel.has_data():
+            panel.remove()
+    for below in axes[2]:
+        below.set_xlabel("time [s]")
+    figure.savefig(path, dpi=120)
+
+
+def _panel(
+    axes: "Axes", time: np.ndarray, values: np.ndarray, limits: tuple[float, ...], title: str
+) -> None:
+    axes.plot(time, values, color=LINE_COLOR, linewidth=1.5)
+    for limit in filter(np.isfinite, limits):
+        axes.axhline(limit, color=LIMIT_COLOR, linestyle="--", linewidth=1.0)
+    axes.set_title(title, fontsize="medium", loc="left")
+    axes.margins(x=0.0, y=0.1)
+    axes.grid(alpha=0.3)

@@ -40,12 +40,17 @@ from crane_trajectory.motion.periodic import (
     SweepTrajectory,
     instants,
 )
+from crane_trajectory.motion.points import PointsTrajectory
 
 RUN_UP = 4.0  # s in which the clock reaches its normal rate, and in which it stops again
 APPROACH_SHARE = 0.5  # of the velocity limits and of the pump flow, used on the way to the start
 SHORTEST_APPROACH = 1.0  # s
 LONGEST_APPROACH = 600.0  # s
 LONGEST_MOTION = 24 * 3600.0  # s
+# The largest deceleration on a stop is 1.5 times the speed by this time: at the limits of speed of
+# the laboratory crane 0.2 rad/s2 to 0.7 m/s2.
+BRAKE_TIME = 1.5  # s
+LONGEST_STEP = 0.05  # s; after a longer gap, or a leap of the clock of the stamps, it goes on so
 
 
 Course = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -75,22 +80,38 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """`periods` of a trajectory with approach and stop; `plan` makes one that is checked.
+    """Periods of a trajectory with approach and stop; `plan` makes one that is checked.
 
-    `start` (j,) is where the crane stands at rest at time 0; joints of the machine that the
-    trajectory does not move are held there.
+    Parameters
+    ----------
+    machine
+        The machine.
+    trajectory
+        The trajectory.
+    start
+        Where the crane stands at rest at time 0 (j,) [rad, m]; joints of the machine that the
+        trajectory does not move are held there.
+    periods
+        How many whole periods are run.
+    approach_time
+        Time on the straight line to the trajectory [s].
     """
 
     machine: Machine
     trajectory: PeriodicTrajectory
     start: np.ndarray
     periods: int
-    approach_time: float  # s, on the straight line
+    approach_time: float
+
+    @cached_property
+    def run_up(self) -> float:
+        """How long the clock runs up, and down [s]: not for a trajectory that begins at rest."""
+        return 0.0 if isinstance(self.trajectory, PointsTrajectory) else RUN_UP
 
     @cached_property
     def excitation_start(self) -> float:
         """When the first whole period begins [s]; the trajectory's own time is 0 then."""
-        return self.approach_time + RUN_UP
+        return self.approach_time + self.run_up
 
     @cached_property
     def excitation_end(self) -> float:
@@ -100,10 +121,21 @@ class Motion:
     @cached_property
     def duration(self) -> float:
         """When the crane is at rest again [s]."""
-        return self.excitation_end + RUN_UP
+        return self.excitation_end + self.run_up
 
     def reference(self, time: np.ndarray) -> Reference:
-        """The reference at time (n,) [s]; at rest before 0 and after `duration`."""
+        """Evaluate the reference; at rest before 0 and after `duration`.
+
+        Parameters
+        ----------
+        time
+            Times of the motion (n,) [s].
+
+        Returns
+        -------
+        Reference
+            Position, velocity and acceleration (n, j) [SI] of all joints, and the phase (n,).
+        """
         time = np.atleast_1d(np.asarray(time, dtype=float))
         on_line = time < self.approach_time
         line = self._line(time)
@@ -115,10 +147,13 @@ class Motion:
         return Reference(position, velocity, acceleration, phase)
 
     def at(self, time: float) -> np.ndarray:
-        """Rows of `reference` (3, j) at one time [s], in compiled code: within 1e-12 of it."""
+        """Return the rows of `reference` (3, j) at one time [s], in compiled code, within 1e-12."""
         if time < self.approach_time:
-            return _on_line(time, self.approach_time, self.start, self._way)
-        clock, rate, change = _clock_at(time, self.approach_time, self.excitation_end)
+            return _on_line(time, self.approach_time, self.start, self._displacement)
+        if self.run_up:
+            clock, rate, change = _clock_at(time, self.approach_time, self.excitation_end)
+        else:
+            clock, rate, change = time - self.approach_time, 1.0, 0.0
         moving = paced(self._instants(clock), rate, change)
         return _with_held(moving, self._columns, self.start)
 
@@ -127,7 +162,7 @@ class Motion:
         return PHASES[bisect_right(self._changes, time)]
 
     def probe(self, time: np.ndarray) -> np.ndarray:
-        """What the trajectory adds to the commands at time (n,) [s]: (n, j), in whole periods."""
+        """Return what the trajectory adds to the commands (n, j) [-1..1] at times (n,) [s]."""
         added = np.zeros((len(time), len(self.start)))
         probe, since = self.trajectory.probe, time - self.excitation_start
         if probe is not None:
@@ -137,7 +172,18 @@ class Motion:
         return added
 
     def violations(self, clearance: Clearance) -> list[Violation]:
-        """Every limit that the motion passes from start to rest, all joints."""
+        """Check the motion from start to rest.
+
+        Parameters
+        ----------
+        clearance
+            Room that the boom tip keeps.
+
+        Returns
+        -------
+        list of Violation
+            Every limit that a joint, the pump or the tip passes, by its worst value.
+        """
         first_period = replace(self, periods=1)  # as all others
         step = self.trajectory.period / self.trajectory.harmonics / GRID_PER_PERIOD
         step = min(step, SHORTEST_APPROACH / GRID_PER_PERIOD)
@@ -153,12 +199,12 @@ class Motion:
         )
 
     def _line(self, time: np.ndarray) -> Course:
-        way = self._way
+        displacement = self._displacement
         share, rate, change = _rest_to_rest(time / self.approach_time)
         return (
-            self.start + np.outer(share, way),
-            np.outer(rate, way / self.approach_time),
-            np.outer(change, way / self.approach_time**2),
+            self.start + np.outer(share, displacement),
+            np.outer(rate, displacement / self.approach_time),
+            np.outer(change, displacement / self.approach_time**2),
         )
 
     def _path(self, time: np.ndarray) -> Course:
@@ -173,6 +219,8 @@ class Motion:
 
     def _clock(self, time: np.ndarray) -> Course:
         """The trajectory's own time [s], its rate and the change of its rate [1/s]."""
+        if not self.run_up:
+            return time - self.approach_time, np.ones_like(time), np.zeros_like(time)
         up, up_rate, up_change = running_up((time - self.approach_time) / RUN_UP)
         down, down_rate, down_change = running_up((time - self.excitation_end) / RUN_UP)
         return (
@@ -187,9 +235,9 @@ class Motion:
         return 0.0, self.excitation_start, self.excitation_end, self.duration
 
     @cached_property
-    def _way(self) -> np.ndarray:
+    def _displacement(self) -> np.ndarray:
         """(j,): from the start to where the clock starts to run."""
-        position = self.trajectory.evaluate(np.array([-RUN_UP / 2])).position
+        position = self.trajectory.evaluate(np.array([-self.run_up / 2])).position
         return np.asarray(self._all_joints(position, self.start)[0] - self.start)
 
     @cached_property
@@ -214,10 +262,33 @@ def plan(
     periods: int,
     clearance: Clearance,
 ) -> Motion:
-    """The motion from rest at `start` (j,) through `periods` of the trajectory to rest.
+    """Plan the motion from rest through periods of a trajectory to rest.
 
-    The approach is as short as a share of the velocity limits and of the pump flow allows. Raises
-    `RangeError` that lists every limit that the whole motion would pass, or if it takes too long.
+    The approach is as short as a share of the velocity limits and of the pump flow allows.
+
+    Parameters
+    ----------
+    machine
+        The machine.
+    trajectory
+        The trajectory.
+    start
+        Where the crane stands (j,) [rad, m].
+    periods
+        How many whole periods to run.
+    clearance
+        Room that the boom tip keeps.
+
+    Returns
+    -------
+    Motion
+        The motion, checked from start to rest.
+
+    Raises
+    ------
+    RangeError
+        The motion would pass a limit, each of which is listed, or would take too long; or the
+        machine lacks a joint of the trajectory.
     """
     start = np.asarray(start, dtype=float)
     joints = machine.joint_names
@@ -225,6 +296,8 @@ def plan(
         raise RangeError(f"start: one finite position for each of {', '.join(joints)}, got {start}")
     if periods < 1:
         raise RangeError(f"periods: at least 1, got {periods}")
+    if periods > 1 and isinstance(trajectory, PointsTrajectory):
+        raise RangeError(f"periods: a motion through points is run once, got {periods}")
     check_joints(machine, trajectory)
     approach = _approach_time(machine, trajectory, start)
     if not approach <= LONGEST_APPROACH:  # nor where it cannot be told
@@ -294,13 +367,13 @@ running_up_once = cast(Once, njit(cache=True)(running_up))
 
 
 @njit(cache=True)
-def _on_line(time: float, duration: float, start: np.ndarray, way: np.ndarray) -> np.ndarray:
+def _on_line(time: float, duration: float, start: np.ndarray, path: np.ndarray) -> np.ndarray:
     """A straight line in joint space at one time [s]: (3, j)."""
     share, rate, change = _rest_to_rest_once(time / duration)
     point = np.empty((3, len(start)))
-    point[0] = start + share * way
-    point[1] = rate * (way / duration)
-    point[2] = change * (way / duration**2)
+    point[0] = start + share * path
+    point[1] = rate * (path / duration)
+    point[2] = change * (path / duration**2)
     return point
 
 
@@ -345,14 +418,6 @@ def compile_reference(machine: Machine) -> None:
             paced(motion.at(time), 1.0, 0.0)
 
 
-# The clock of a reference in real time: it runs with the samples, and brakes to a stop.
-
-# The largest deceleration on a stop is 1.5 times the speed by this time: at the limits of speed of
-# the laboratory crane 0.2 rad/s2 to 0.7 m/s2.
-BRAKE_TIME = 1.5  # s
-LONGEST_STEP = 0.05  # s; after a longer gap, or a leap of the clock of the stamps, it goes on so
-
-
 class Target(NamedTuple):
     """The reference of one instant: (j,) each [SI], and the phase."""
 
@@ -363,7 +428,7 @@ class Target(NamedTuple):
 
 
 class ReferenceClock:
-    """Time of a motion, from `start` [s] on, at the rate 1 until it brakes.
+    """Time of a motion in real time, from `start` [s] on, at the rate 1 until it brakes.
 
     Braking runs the clock down smoothly, so the reference comes to rest on the path that was
     checked, never faster than it, within `BRAKE_TIME`.

@@ -1,4 +1,16 @@
-"""Periodic trajectories of every kind, as a motion runs them and as files hold them."""
+"""Periodic trajectories of every kind, as a motion runs them and as files hold them.
+
+Fourier references (32)-(34) have analytic derivatives. In sweeps a joint goes from one position to
+the next at constant speed, or dwells where two positions are equal. Corners are rounded by a moving
+average over `corner` seconds with a parabolic weight: speed and acceleration are continuous, no
+position and no speed is passed that the corners do not have, and half of `corner` away from them
+the motion is exactly uniform.
+
+A small pseudo-random command on top of a motion tells of valves what slow motion alone does not:
+how fast a valve is shows where its command changes faster than the crane moves. Half of the steps
+open a valve a little more, the others a little less, at random but the same in all periods, so that
+these still repeat.
+"""
 
 import json
 import math
@@ -8,7 +20,7 @@ import sys
 from collections.abc import Callable
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Protocol, Self
+from typing import Annotated, Any, Literal, Protocol, Self
 
 import numpy as np
 from numba import njit
@@ -16,21 +28,30 @@ from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema, read_document, validate
 from crane_model.errors import ConfigurationError
+from crane_trajectory.motion.points import MotionSamples, PointsTrajectory
 
-# A small pseudo-random command on top of a motion: what slow motion alone does not tell of valves.
-#
-# How fast a valve is shows where its command changes faster than the crane moves. Half of the steps
-# open a valve a little more, the others a little less, at random but the same in all periods, so
-# that these still repeat.
-
-LARGEST = 0.05  # [-1..1]: what no dead zone is narrower than, so that a valve at rest stays shut
+LARGEST_PROBE = 0.05  # [-1..1]: no dead zone is narrower, so that a valve at rest stays shut
 SHORTEST_HOLD = 0.01  # s: two cycles of the controller
+MOST_HARMONICS = 50
+SHORTEST_PERIOD, LONGEST_PERIOD = 1.0, 3600.0  # s: what a crane can follow, and one waits for
+Period = Annotated[float, Field(ge=SHORTEST_PERIOD, le=LONGEST_PERIOD)]
+Coefficients = Annotated[tuple[float, ...], Field(min_length=1, max_length=MOST_HARMONICS)]
+Knots = Annotated[tuple[float, ...], Field(min_length=2, max_length=500)]
+
+READING_TIME = 10  # s, of the processor
+LONGEST_WAIT = 60  # s, by the clock: a busy computer gives little time to what is not urgent
+READING_MEMORY = 2**32  # bytes
+LARGEST_ANSWER = 1_000_000  # characters
+REFUSED = 3  # exit status: standard output says why
+
+Instants = Callable[[float], np.ndarray]
+"""Position, velocity and acceleration of j joints (3, j) at one time [s]."""
 
 
 class Probe(Schema):
     """Commands of plus and minus `amplitude` [-1..1], held for `hold` [s] each."""
 
-    amplitude: Annotated[float, Field(gt=0.0, le=LARGEST)]
+    amplitude: Annotated[float, Field(gt=0.0, le=LARGEST_PROBE)]
     hold: Annotated[float, Field(ge=SHORTEST_HOLD, le=0.2)] = 0.015
 
     def course(self, time: np.ndarray, period: float, joints: int) -> np.ndarray:
@@ -45,14 +66,6 @@ def _steps(count: int, joints: int) -> np.ndarray:
     """(count, j) of 1 and -1, different for each joint."""
     steps: np.ndarray = np.random.default_rng(joints).choice((-1.0, 1.0), (count, joints))
     return steps
-
-
-# Fourier references (32)-(34): periodic trajectories of any joints, with analytic derivatives.
-
-MOST_HARMONICS = 50
-SHORTEST_PERIOD, LONGEST_PERIOD = 1.0, 3600.0  # s: what a crane can follow, and one waits for
-Period = Annotated[float, Field(ge=SHORTEST_PERIOD, le=LONGEST_PERIOD)]
-Coefficients = Annotated[tuple[float, ...], Field(min_length=1, max_length=MOST_HARMONICS)]
 
 
 class JointSeries(Schema):
@@ -72,18 +85,6 @@ class JointSeries(Schema):
         return self
 
 
-class MotionSamples(NamedTuple):
-    """Position, velocity and acceleration at n times of j joints, each (n, j) [SI]."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-
-
-Instants = Callable[[float], np.ndarray]
-"""Position, velocity and acceleration of j joints (3, j) at one time [s]."""
-
-
 def harmonic_basis(time: np.ndarray, period: float, harmonics: int) -> MotionSamples:
     """The functions that multiply [q_{i,0}, a_{i,1..N}, b_{i,1..N}] in (32)-(34).
 
@@ -92,16 +93,35 @@ def harmonic_basis(time: np.ndarray, period: float, harmonics: int) -> MotionSam
     frequency = 2 * np.pi / period * np.arange(1, harmonics + 1)
     angle = np.outer(time, frequency)
     sine, cosine = np.sin(angle), np.cos(angle)
-    one, zero = np.ones((len(angle), 1)), np.zeros((len(angle), 1))
+    constant, zero = np.ones((len(angle), 1)), np.zeros((len(angle), 1))
     return MotionSamples(
-        np.hstack([one, sine, -cosine]),
+        np.hstack([constant, sine, -cosine]),
         np.hstack([zero, frequency * cosine, frequency * sine]),
         np.hstack([zero, -(frequency**2) * sine, frequency**2 * cosine]),
     )
 
 
 class FourierTrajectory(Schema):
-    """A periodic trajectory (32) of one or more joints; joints that it does not name are held."""
+    """A periodic trajectory (32) of one or more joints; joints that it does not name are held.
+
+    Parameters
+    ----------
+    name
+        For messages.
+    period
+        Its period [s], 1 to 3600.
+    joints
+        Coefficients of (32) by joint [rad, m].
+    probe
+        A pseudo-random command on top of the motion.
+    figures_of_merit, provenance
+        How well it determines a model, and how it was found.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        A value is out of its range; `load_trajectory` turns it into `ConfigurationError`.
+    """
 
     name: str
     period: Period
@@ -131,7 +151,9 @@ class FourierTrajectory(Schema):
             return values + (0.0,) * (self.harmonics - len(values))
 
         rows = (self.joints[joint] for joint in self.joint_names)
-        return tuple((one.offset, *padded(one.sine), *padded(one.cosine)) for one in rows)
+        return tuple(
+            (series.offset, *padded(series.sine), *padded(series.cosine)) for series in rows
+        )
 
     @classmethod
     def from_coefficients(
@@ -153,7 +175,18 @@ class FourierTrajectory(Schema):
         )
 
     def evaluate(self, time: np.ndarray) -> MotionSamples:
-        """(32), (33), (34) at time (n,) [s]; columns as in `joint_names`."""
+        """Evaluate (32), (33) and (34).
+
+        Parameters
+        ----------
+        time
+            Times (n,) [s], any.
+
+        Returns
+        -------
+        MotionSamples
+            Position, velocity and acceleration, each (n, j) [SI]; columns as in `joint_names`.
+        """
         basis = harmonic_basis(np.atleast_1d(time), self.period, self.harmonics)
         return MotionSamples(*(functions @ self.coefficients for functions in basis))
 
@@ -177,16 +210,6 @@ def _series(coefficients: np.ndarray, frequency: float, time: float) -> np.ndarr
             motion[1, i] += omega * (a * cosine + b * sine)
             motion[2, i] -= omega * omega * (a * sine - b * cosine)
     return motion
-
-
-# Sweeps at constant speed with dwells: the second kind of periodic trajectory.
-#
-# A joint goes from one position to the next at constant speed, or dwells where two positions are
-# equal. Corners are rounded by a moving average over `corner` seconds with a parabolic weight:
-# speed and acceleration are continuous, no position and no speed is passed that the corners do not
-# have, and half of `corner` away from them the motion is exactly uniform.
-
-Knots = Annotated[tuple[float, ...], Field(min_length=2, max_length=500)]
 
 
 class JointCourse(Schema):
@@ -213,7 +236,30 @@ class JointCourse(Schema):
 
 
 class SweepTrajectory(Schema):
-    """A periodic trajectory of sweeps and dwells; joints that it does not name are held."""
+    """A periodic trajectory of sweeps and dwells; joints that it does not name are held.
+
+    Parameters
+    ----------
+    kind
+        Always "sweep".
+    name
+        For messages.
+    period
+        Its period [s], 1 to 3600.
+    corner
+        Time over which corners are rounded [s].
+    joints
+        Positions at times by joint [rad, m].
+    probe
+        A pseudo-random command on top of the motion.
+    provenance
+        How it was found.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        A value is out of its range; `load_trajectory` turns it into `ConfigurationError`.
+    """
 
     kind: Literal["sweep"]
     name: str
@@ -246,7 +292,18 @@ class SweepTrajectory(Schema):
         return int(np.ceil(self.period / (4.0 * self.corner)))
 
     def evaluate(self, time: np.ndarray) -> MotionSamples:
-        """Position, velocity, acceleration at time (n,) [s]; columns as in `joint_names`."""
+        """Evaluate the motion.
+
+        Parameters
+        ----------
+        time
+            Times (n,) [s], any.
+
+        Returns
+        -------
+        MotionSamples
+            Position, velocity and acceleration, each (n, j) [SI]; columns as in `joint_names`.
+        """
         phase = np.mod(np.atleast_1d(time), self.period)
         columns = [self._course(self.joints[joint], phase) for joint in self.joint_names]
         return MotionSamples(*np.stack(columns, axis=-1))
@@ -318,9 +375,6 @@ def _courses(
     return motion
 
 
-# Periodic trajectories of every kind, as a motion runs them and as files hold them.
-
-
 class PeriodicTrajectory(Protocol):
     """A periodic motion of some joints; the others are held."""
 
@@ -355,36 +409,45 @@ def instants(trajectory: PeriodicTrajectory) -> Instants:
     return lambda time: np.concatenate(trajectory.evaluate(np.array([time])))
 
 
-def load_trajectory(path: Path | str) -> FourierTrajectory | SweepTrajectory:
-    """The trajectory of a YAML file; `ConfigurationError` if it is wrong.
+FileTrajectory = FourierTrajectory | SweepTrajectory | PointsTrajectory
+KINDS: dict[Any, type[FileTrajectory]] = {"sweep": SweepTrajectory, "points": PointsTrajectory}
 
-    `kind: sweep` marks sweeps and dwells; without a kind it is a Fourier series (32).
+
+def load_trajectory(path: Path | str) -> FileTrajectory:
+    """Load the trajectory of a YAML file.
+
+    Parameters
+    ----------
+    path
+        The file; `kind: sweep` in it marks sweeps and dwells, `kind: points` a motion through
+        points that does not repeat; without a kind it is a Fourier series (32).
+
+    Returns
+    -------
+    FourierTrajectory, SweepTrajectory or PointsTrajectory
+        The trajectory.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, or a value in it is wrong.
     """
     document = read_document(path)
     return document.validated(schema_of(document.content))
 
 
-def schema_of(content: Any) -> type[FourierTrajectory] | type[SweepTrajectory]:
+def schema_of(content: Any) -> type[FileTrajectory]:
     """Of the plain content of a trajectory file."""
-    sweep = isinstance(content, dict) and content.get("kind") == "sweep"
-    return SweepTrajectory if sweep else FourierTrajectory
+    kind = content.get("kind") if isinstance(content, dict) else None
+    return KINDS.get(kind, FourierTrajectory) if isinstance(kind, str) else FourierTrajectory
 
 
-# A trajectory file read in a process of its own, where no thread of this one waits for it.
-#
-# A few kB of YAML with aliases take a second to check, and hold the lock of the interpreter all the
-# time: a node that leads a crane cannot afford that.
+def read_apart(path: Path | str) -> FileTrajectory:
+    """As `load_trajectory`, in a process of its own; `ConfigurationError` too if it takes more time
+    or memory than any trajectory does.
 
-READING_TIME = 10  # s, of the processor
-LONGEST_WAIT = 60  # s, by the clock: a busy computer gives little time to what is not urgent
-MEMORY = 2**32  # bytes
-LARGEST_ANSWER = 1_000_000  # characters
-REFUSED = 3  # exit status: standard output says why
-
-
-def read_apart(path: Path | str) -> FourierTrajectory | SweepTrajectory:
-    """As `load_trajectory`; `ConfigurationError` too if it takes more time or memory than any
-    trajectory does.
+    A few kB of YAML with aliases take a second to check, and hold the lock of the interpreter all
+    the time: a node that leads a crane cannot afford that.
     """
     reader = sys.executable, "-m", __name__, str(path)
     try:
@@ -407,7 +470,7 @@ def read_apart(path: Path | str) -> FourierTrajectory | SweepTrajectory:
 def main() -> int:
     """Tell the content of a trajectory file as JSON, or why it is none."""
     resource.setrlimit(resource.RLIMIT_CPU, (READING_TIME, READING_TIME))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (READING_MEMORY, READING_MEMORY))
     try:
         trajectory = load_trajectory(sys.argv[1])
     except ConfigurationError as error:

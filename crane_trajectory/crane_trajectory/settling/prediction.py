@@ -11,19 +11,20 @@ from crane_model.cylinders import lever_arm
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_model.open_question import OpenMember
 from crane_model.record import Record
+from crane_model.result_file import OpenMember
 from crane_model.terms import Term, term_from_mapping
 from crane_model.terms.gravity_and_load import Payload
 from crane_model.terms.term import Load
 from crane_trajectory.motion.periodic import FourierTrajectory, MotionSamples, SweepTrajectory
 
-# Chamber pressures of a cylinder that a valve with four equal edges moves steadily.
-#
-# Both edges pass what the piston sweeps: with A the areas, p_S and p_T supply and tank, F of (19),
-#
-# (p_S - p_A)/A_A^2 = (p_B - p_T)/A_B^2 = y, F = A_A p_S - A_B p_T - y (A_A^3 + A_B^3), extending
-# (p_A - p_T)/A_A^2 = (p_S - p_B)/A_B^2 = y, F = A_A p_T - A_B p_S + y (A_A^3 + A_B^3), else
+SAMPLES_A_ROW = 10  # of the motion, whose mean is a row
+UNSURE_TIME = 0.1  # s around a reversal in which no row is used
+STANDING = 0.01  # share of the largest speed of a motion, below which the sign is not known
+USED_SHARE = 0.5  # of the samples of a row, that must be used
+SHAPE_STEP = 0.02  # relative, of the difference with respect to a nonlinear parameter
+ROUNDING = 1e-9  # of the largest column: what is left of one below is rounding
+FORCE_ROUNDS = 2  # in which the force settles that terms of a model take from the force
 
 
 def steady_pressures(
@@ -34,7 +35,13 @@ def steady_pressures(
     force: np.ndarray,
     raised: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """p_A and p_B (n,) [Pa] at positions and velocities (n,) and a generalized force (n,).
+    """p_A and p_B (n,) [Pa] at positions and velocities (n,) and a generalized force (n,), of a
+    cylinder that a valve with four equal edges moves steadily.
+
+    Both edges pass what the piston sweeps: with areas A, p_S and p_T of supply and tank, F of (19),
+
+    (p_S - p_A)/A_A^2 = (p_B - p_T)/A_B^2 = y, F = A_A p_S - A_B p_T - y (A_A^3 + A_B^3), extending
+    (p_A - p_T)/A_A^2 = (p_S - p_B)/A_B^2 = y, F = A_A p_T - A_B p_S + y (A_A^3 + A_B^3), else
 
     `raised` [Pa] is added to the pressure of the tank: back-pressure.
     """
@@ -42,22 +49,16 @@ def steady_pressures(
     a, b = cylinder.area_a, cylinder.area_b
     high, low = supply.supply_pressure, supply.tank_pressure + raised
     arm = lever_arm(machine, joint, position)
-    own = force / arm
+    piston_force = force / arm
     extending = arm * velocity > 0.0
     cubes = a**3 + b**3
-    y = np.where(extending, a * high - b * low - own, own - a * low + b * high) / cubes
+    y = (
+        np.where(extending, a * high - b * low - piston_force, piston_force - a * low + b * high)
+        / cubes
+    )
     pressure_a = np.where(extending, high - a**2 * y, low + a**2 * y)
     pressure_b = np.where(extending, low + b**2 * y, high - b**2 * y)
     return pressure_a, pressure_b
-
-
-# What a recording of a motion would hold, as far as a model and a hypothesis foretell it.
-
-SAMPLES_A_ROW = 10  # of the motion, whose mean is a row
-UNSURE = 0.1  # s around a reversal in which no row is used
-STANDING = 0.01  # share of the largest speed of a motion, below which the sign is not known
-OPEN = 0.5  # share of the samples of a row that must be used
-STEP = 0.02  # relative, of the difference with respect to a shape parameter
 
 
 @dataclass(frozen=True)
@@ -78,10 +79,10 @@ class Hypothesis:
                 "diagnose"
             ) from None
 
-    def same_effect(self, other: "Hypothesis") -> bool:
+    def same_effect(self, hypothesis: "Hypothesis") -> bool:
         """Whether the other one is another law of the same effect, on the same joint."""
-        together = _kinds(self.term) & _kinds(other.term)
-        return bool(together) and self.term.only_joint == other.term.only_joint
+        together = _kinds(self.term) & _kinds(hypothesis.term)
+        return bool(together) and self.term.only_joint == hypothesis.term.only_joint
 
     def bent(self) -> list[tuple[Term, Term, float]]:
         """Of each shape parameter: the term to either side of its value, and how far apart."""
@@ -90,9 +91,9 @@ class Hypothesis:
             middle = float(getattr(self.term, field))
             ends = [
                 self.term.model_validate({**self.term.model_dump(), field: middle * (1.0 + s)})
-                for s in (-STEP, STEP)
+                for s in (-SHAPE_STEP, SHAPE_STEP)
             ]
-            out.append((ends[0], ends[1], 2.0 * STEP))
+            out.append((ends[0], ends[1], 2.0 * SHAPE_STEP))
         return out
 
 
@@ -125,7 +126,7 @@ class PlannedRecording:
         time = np.arange(int(self.duration * rate)) / rate
         motion = self.trajectory.evaluate(time)
         columns = [self.trajectory.joint_names.index(joint) for joint in model.joints]
-        motion = MotionSamples(*(np.ascontiguousarray(one[:, columns]) for one in motion))
+        motion = MotionSamples(*(np.ascontiguousarray(samples[:, columns]) for samples in motion))
         slow = STANDING * np.abs(motion.velocity).max(axis=0)
         return Record(
             joints=model.joints,
@@ -155,17 +156,17 @@ def with_forces(model: Model, record: Record, force: np.ndarray, raised: float) 
     return replace(record, pressure_a=pressure_a, pressure_b=pressure_b)
 
 
-def gate(record: Record, rate: float) -> np.ndarray:
+def used_samples(record: Record, rate: float) -> np.ndarray:
     """(n, j): 1.0 where the sign of a velocity is known."""
     still = record.direction == 0.0
     turned = np.zeros_like(still)
     turned[1:] = record.direction[1:] * record.direction[:-1] < 0.0
-    near = np.ones(2 * int(np.ceil(UNSURE * rate)) + 1)
+    near = np.ones(2 * int(np.ceil(UNSURE_TIME * rate)) + 1)
     wrong = np.stack(
         [np.convolve(column, near, mode="same") for column in (still | turned).T.astype(float)],
         axis=1,
     )
-    return (wrong < OPEN).astype(float)
+    return (wrong < USED_SHARE).astype(float)
 
 
 def in_rows(values: np.ndarray) -> np.ndarray:
@@ -176,19 +177,14 @@ def in_rows(values: np.ndarray) -> np.ndarray:
     return means
 
 
-# How clearly an experiment tells hypotheses apart: T-optimality (Atkinson and Fedorov 1975).
-#
-# Of two hypotheses, one is true, and the other is fitted to what it does: with all parameters of
-# the model, its own, and its shapes linearised. What that cannot follow, over the noise, is their
-# separation: the square root of the 2 dlogL to be expected between them. The other way round it is
-# another one; the smaller counts.
-
-ROUNDING = 1e-9  # of the largest column: what is left of one below is rounding
-ROUNDS = 2  # in which the force settles that terms of a model take from the force
-
-
 class PlannedExperiment:
-    """Recordings, beside a model whose values are known, with noise of the force (j,) a row.
+    """Recordings, beside a model whose values are known, with noise of the force (j,) a row: how
+    clearly they discriminate hypotheses, by T-optimality (Atkinson and Fedorov 1975).
+
+    Of two hypotheses, one is true, and the other is fitted to what it does: with all parameters of
+    the model, its own, and its nonlinear parameters linearised. What that cannot follow, over the
+    noise, is their separation: the square root of the 2 dlogL to be expected between them. The
+    other way round it is another one; the smaller counts.
 
     Raises `DataError` where a term needs what a prediction does not have.
     """
@@ -202,32 +198,34 @@ class PlannedExperiment:
     ):
         self._model, self._recordings = model, recordings
         self._records = [
-            one.record(model, row_rate, run) for run, one in enumerate(recordings, start=1)
+            planned.record(model, row_rate, run) for run, planned in enumerate(recordings, start=1)
         ]
-        self._gates = [gate(record, row_rate * SAMPLES_A_ROW) for record in self._records]
-        self._used = np.concatenate([in_rows(one) > OPEN for one in self._gates])
+        self._samples = [used_samples(record, row_rate * SAMPLES_A_ROW) for record in self._records]
+        self._used = np.concatenate([in_rows(used) > USED_SHARE for used in self._samples])
         self._weight = 1.0 / noise
         self._seen: dict[Term, np.ndarray] = {}
 
     @cached_property
     def _known(self) -> list[Record]:
-        """With the forces and pressures that the model foretells."""
+        """With the forces and pressures that the model predicts."""
         out = []
-        for run, (record, one) in enumerate(zip(self._records, self._recordings, strict=True), 1):
+        for run, (record, planned) in enumerate(
+            zip(self._records, self._recordings, strict=True), 1
+        ):
             force = hung = np.zeros_like(record.position)
-            if one.load:
-                hung = one.load * _tip((run,)).columns(record, self._model.setting)[:, :, 0]
-            for _ in range(ROUNDS):
-                known = with_forces(self._model, record, force, one.back_pressure)
+            if planned.load:
+                hung = planned.load * _tip((run,)).columns(record, self._model.setting)[:, :, 0]
+            for _ in range(FORCE_ROUNDS):
+                known = with_forces(self._model, record, force, planned.back_pressure)
                 force = self._model.predict(known) + hung
-            out.append(with_forces(self._model, record, force, one.back_pressure))
+            out.append(with_forces(self._model, record, force, planned.back_pressure))
         return out
 
     @cached_property
     def _basis(self) -> np.ndarray:
         """Orthonormal directions (N, d) of what the model takes up, and the known loads."""
         parts = [self._model.regressor(record) for record in self._known]
-        loaded = [run for run, one in enumerate(self._recordings, 1) if one.load]
+        loaded = [run for run, planned in enumerate(self._recordings, 1) if planned.load]
         columns = self._rows(parts)
         if loaded:
             tip = _tip(loaded)
@@ -244,13 +242,13 @@ class PlannedExperiment:
             self._seen[term] = columns - self._basis @ (self._basis.T @ columns)
         return self._seen[term]
 
-    def shown(self, one: Hypothesis) -> float:
+    def shown(self, hypothesis: Hypothesis) -> float:
         """How clearly a hypothesis differs from the model alone."""
-        return float(np.linalg.norm(self.beside(one.term) @ one.values))
+        return float(np.linalg.norm(self.beside(hypothesis.term) @ hypothesis.values))
 
-    def separation(self, one: Hypothesis, other: Hypothesis) -> float:
+    def separation(self, first: Hypothesis, second: Hypothesis) -> float:
         """Of two hypotheses, whichever is true."""
-        return min(self._left(one, other), self._left(other, one))
+        return min(self._left(first, second), self._left(second, first))
 
     def _left(self, true: Hypothesis, fitted: Hypothesis) -> float:
         """What the second cannot follow of the first."""
@@ -259,17 +257,19 @@ class PlannedExperiment:
             (self.beside(after) - self.beside(before)) @ fitted.values / apart
             for before, after, apart in fitted.bent()
         ]
-        own = self.beside(fitted.term)
+        columns = self.beside(fitted.term)
         positive = np.array(
-            [one.minimum == 0.0 for one in fitted.term.parameters(self._model.setting)]
+            [parameter.minimum == 0.0 for parameter in fitted.term.parameters(self._model.setting)]
         )
-        free = _directions(np.column_stack([own[:, ~positive], *slopes]))
-        bound, left = (values - free @ (free.T @ values) for values in (own[:, positive], force))
+        free = _directions(np.column_stack([columns[:, ~positive], *slopes]))
+        bound, left = (
+            values - free @ (free.T @ values) for values in (columns[:, positive], force)
+        )
         return float(nnls(bound, left)[1]) if positive.any() else float(np.linalg.norm(left))
 
     def _rows(self, parts: Sequence[np.ndarray]) -> np.ndarray:
         """(n, j, k) of each recording to the used rows (N, k) of all, over the noise."""
-        pairs = zip(parts, self._gates, strict=True)
+        pairs = zip(parts, self._samples, strict=True)
         rows = np.concatenate([in_rows(part * open_[:, :, None]) for part, open_ in pairs])
         return (rows * self._weight[:, None])[self._used]
 

@@ -1,9 +1,14 @@
-"""The motion that discriminates best what a diagnosis left open: `design --settle`."""
+"""The motion that discriminates best what a diagnosis left open: `design --settle`.
 
-import argparse
+What it promises is told of each pair of answers, before and after, with what else helps; and what
+no motion discriminates.
+"""
+
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,31 +16,33 @@ from crane_model.configuration import save
 from crane_model.errors import ConfigurationError, CraneError, RangeError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
-from crane_model.open_question import (
+from crane_model.progress_bar import progress_bar
+from crane_model.result_file import (
+    Number,
     OpenMember,
     OpenQuestion,
     OpenQuestions,
     QuestionKind,
+    ResultFile,
+    ResultPart,
     read_open,
 )
-from crane_model.progress_bar import progress_bar
-from crane_model.result_file import Number, ResultFile, ResultPart
 from crane_model.terms import load_terms
 from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
 from crane_trajectory.excitation.limits import DesignSettings, load_design_settings
-from crane_trajectory.excitation.picture import draw
 from crane_trajectory.excitation.search import ExcitationProblem, machine_of
-from crane_trajectory.motion.check import Clearance, load_clearance
+from crane_trajectory.excitation.sweeps import CourseDraws, FourierDraws
+from crane_trajectory.motion.check import Clearance, draw, load_clearance
 from crane_trajectory.motion.periodic import FourierTrajectory, SweepTrajectory
-from crane_trajectory.settling.courses import CourseDraws, FourierDraws
 from crane_trajectory.settling.prediction import Hypothesis, PlannedExperiment, PlannedRecording
 
-# The motion that settles best what a diagnosis left open, and what no motion settles.
-
-DRAWS = 4  # of each family of motions, for each start
+DRAWS_PER_START = 4  # of each family of motions
 SURVIVORS = 4  # that are varied
-VARIATIONS = 2  # of each of these, for each start
+VARIATIONS_PER_START = 2  # of each of these
 HOPELESS = 0.3  # of what is needed: no motion separates a pair that none does by more
+BACK_PRESSURE = 2e6  # Pa: what a throttle in the line to the tank may raise its pressure by
+PERIODS = 3  # of a recording: what repeats tells its noise
+HARMONICS_AND_PACE = ((3, 1.0), (6, 0.4))  # of Fourier series, their periods over that of a course
 
 NONE_WITHIN = (
     "none of the motions that were drawn is within the limits; lengthen --duration, or try "
@@ -48,30 +55,35 @@ Trajectory = FourierTrajectory | SweepTrajectory
 
 @dataclass(frozen=True)
 class OpenPair:
-    """Two answers to a question, or one and that nothing is there; `names` are their numbers among
-    its members. `needed` [σ], and as a share of how clearly the first one shows.
+    """Two answers to a question, or one and that nothing is there; `places` are those among its
+    members. `needed` [σ], and as a share of how clearly the first one shows.
     """
 
     question: int
-    names: tuple[int, int | None]
-    one: Hypothesis
-    other: Hypothesis | None
+    places: tuple[int, int | None]
+    first: Hypothesis
+    second: Hypothesis | None
     needed: float
     needed_share: float
 
     def separation(self, experiment: PlannedExperiment) -> float:
         """What an experiment separates them by [σ]."""
-        if self.other is None:
-            return experiment.shown(self.one)
-        return experiment.separation(self.one, self.other)
+        if self.second is None:
+            return experiment.shown(self.first)
+        return experiment.separation(self.first, self.second)
 
     def clearness(self, experiment: PlannedExperiment) -> float:
-        """Separation over what is needed: settled from 1 on."""
+        """Separation over what is needed: discriminated from 1 on."""
         return self.separation(experiment) / self.asked(experiment)
 
     def asked(self, experiment: PlannedExperiment) -> float:
         """Separation at which one of the two is ruled out [σ]."""
-        return max(self.needed, self.needed_share * experiment.shown(self.one))
+        return max(self.needed, self.needed_share * experiment.shown(self.first))
+
+    def members(self, open_: OpenQuestions) -> tuple[OpenMember, OpenMember | None]:
+        """What they are in the diagnosis; None where it is that nothing is there."""
+        members, (first, second) = open_.questions[self.question].members, self.places
+        return members[first], None if second is None else members[second]
 
 
 @dataclass(frozen=True)
@@ -87,6 +99,14 @@ class Machinery:
     ) -> PlannedExperiment:
         """As the rows of the diagnosis will show it."""
         return PlannedExperiment(self.models[question], recordings, self.noise, self.row_rate)
+
+
+class DrawnMotion(NamedTuple):
+    """A candidate, and how clear it makes each pair (p,)."""
+
+    family: Family
+    trajectory: Trajectory
+    clear: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -114,24 +134,30 @@ class Settling:
         }
         return np.array([pair.clearness(experiments[pair.question]) for pair in self.pairs])
 
-    def foretellable(self, seed: int) -> "Settling":
-        """With those pairs alone of which a recording can be foretold."""
+    def predictable(self, seed: int) -> "Settling":
+        """With those pairs alone of which a recording can be predicted."""
         rng = np.random.default_rng(seed)
-        drawn = (family.draw(rng) for family in self.families for _ in range(DRAWS * self.starts))
-        some = next((self.recording(one) for one in drawn if one is not None), None)
-        if some is None:
+        drawn = (
+            family.draw(rng)
+            for family in self.families
+            for _ in range(DRAWS_PER_START * self.starts)
+        )
+        recording = next(
+            (self.recording(trajectory) for trajectory in drawn if trajectory is not None), None
+        )
+        if recording is None:
             raise RangeError(NONE_WITHIN)
-        kept = tuple(pair for pair in self.pairs if self._can_foretell(pair, some))
+        kept = tuple(pair for pair in self.pairs if self._can_predict(pair, recording))
         return replace(self, pairs=kept)
 
-    def _can_foretell(self, pair: OpenPair, some: PlannedRecording) -> bool:
-        """What carries a load, or needs a signal that nothing foretells, is not."""
-        answers = [one for one in (pair.one, pair.other) if one is not None]
-        if any(one.term.carried for one in answers):
+    def _can_predict(self, pair: OpenPair, recording: PlannedRecording) -> bool:
+        """What carries a load, or needs a signal that nothing predicts, is not."""
+        answers = [answer for answer in (pair.first, pair.second) if answer is not None]
+        if any(answer.term.carried for answer in answers):
             return False
         try:
             return bool(
-                np.isfinite(pair.clearness(self.machinery.experiment(pair.question, [some])))
+                np.isfinite(pair.clearness(self.machinery.experiment(pair.question, [recording])))
             )
         except CraneError:
             return False
@@ -144,35 +170,38 @@ class Settling:
         rng = np.random.default_rng(seed)
         tried = []
         for family in self.families:
-            for _ in range(DRAWS * self.starts):
+            for _ in range(DRAWS_PER_START * self.starts):
                 if (drawn := family.draw(rng)) is not None:
-                    tried.append((family, drawn, self.clearness([self.recording(drawn)])))
+                    clear = self.clearness([self.recording(drawn)])
+                    tried.append(DrawnMotion(family, drawn, clear))
                 progress()
         if not tried:
             raise RangeError(NONE_WITHIN)
-        hope = np.max([clear for _, _, clear in tried], axis=0) > HOPELESS
+        hope = np.max([candidate.clear for candidate in tried], axis=0) > HOPELESS
         counts = hope if hope.any() else ~hope
 
         def worth(clear: np.ndarray) -> float:
             return float(clear[counts].min())
 
-        tried.sort(key=lambda one: -worth(one[2]))
+        tried.sort(key=lambda candidate: -worth(candidate.clear))
         best = []
         for family, trajectory, clear in tried[:SURVIVORS]:
-            for _ in range(VARIATIONS * self.starts):
-                other = family.varied(trajectory, rng)  # type: ignore[arg-type]
-                if other is not None:
-                    found = self.clearness([self.recording(other)])
+            for _ in range(VARIATIONS_PER_START * self.starts):
+                variation = family.varied(trajectory, rng)  # type: ignore[arg-type]
+                if variation is not None:
+                    found = self.clearness([self.recording(variation)])
                     if worth(found) > worth(clear):
-                        trajectory, clear = other, found
+                        trajectory, clear = variation, found
                 progress()
             best.append((worth(clear), trajectory))
-        return max(best, key=lambda one: one[0])[1]
+        return max(best, key=lambda candidate: candidate[0])[1]
 
     @property
     def steps(self) -> int:
         """How often a search calls `progress`, at most."""
-        return self.starts * (len(self.families) * DRAWS + SURVIVORS * VARIATIONS)
+        return self.starts * (
+            len(self.families) * DRAWS_PER_START + SURVIVORS * VARIATIONS_PER_START
+        )
 
 
 def pairs_of(open_: OpenQuestions) -> Iterator[OpenPair]:
@@ -185,9 +214,9 @@ def pairs_of(open_: OpenQuestions) -> Iterator[OpenPair]:
         needed = question.needed or 0.0, question.needed_share or 0.0
         if len(answers) == 1:
             yield OpenPair(number, (0, None), answers[0], None, *needed)
-        every = list(combinations(range(len(answers)), 2))
-        apart = [(i, j) for i, j in every if not answers[i].same_effect(answers[j])]
-        for i, j in apart or every:
+        pairs = list(combinations(range(len(answers)), 2))
+        apart = [(i, j) for i, j in pairs if not answers[i].same_effect(answers[j])]
+        for i, j in apart or pairs:
             yield OpenPair(number, (i, j), answers[i], answers[j], *needed)
 
 
@@ -208,11 +237,6 @@ def model_of(model: Model, question: OpenQuestion) -> Model:
     )
 
 
-# What a designed motion promises: each pair of answers, before and after, and what else helps.
-
-BACK_PRESSURE = 2e6  # Pa: what a throttle in the line to the tank may raise its pressure by
-
-
 class HelpfulAction(ResultPart):
     """Something to do in a second recording of the motion."""
 
@@ -227,9 +251,9 @@ class PredictedSeparation(ResultPart):
 
     kind: QuestionKind
     """Of the question."""
-    one: str
+    first: str
     """Effect and joint."""
-    other: str
+    second: str
     """The same; empty where it is that nothing is there."""
     told: Number
     """By the recordings of the diagnosis; null where they were not compared [σ]."""
@@ -244,7 +268,7 @@ class PredictedSeparation(ResultPart):
 
 
 class SettlingPlan(ResultFile):
-    """What `design --settle` foretells of its trajectory."""
+    """What `design --settle` predicts of its trajectory."""
 
     trajectory: str
     """Its file."""
@@ -256,31 +280,17 @@ class SettlingPlan(ResultFile):
     """Of every pair of answers."""
 
 
-def plan_of(
-    settling: Settling, open_: OpenQuestions, best: PlannedRecording, file: str, load: float
-) -> SettlingPlan:
-    """What a recording promises; `load` [kg] is a known mass that there is to hang at the tip."""
-    return SettlingPlan(
-        trajectory=file,
-        periods=best.periods,
-        duration=best.duration,
-        separations=[_predicted(settling, open_, pair, best, load) for pair in settling.pairs],
-    )
-
-
 def _predicted(
     settling: Settling, open_: OpenQuestions, pair: OpenPair, best: PlannedRecording, load: float
 ) -> PredictedSeparation:
-    question = open_.questions[pair.question]
-    one, other = pair.names
-    first, second = question.members[one], None if other is None else question.members[other]
+    first, second = pair.members(open_)
     experiment = settling.machinery.experiment(pair.question, [best])
     settled = pair.clearness(experiment) >= 1.0
     return PredictedSeparation(
-        kind=question.kind,
-        one=_told(first),
-        other="" if second is None else _told(second),
-        told=second.separation if second is not None and one == 0 else None,
+        kind=open_.questions[pair.question].kind,
+        first=_told(first),
+        second=_told(second),
+        told=second.separation if second is not None and pair.places[0] == 0 else None,
         predicted=pair.separation(experiment),
         needed=pair.asked(experiment),
         actions=[] if settled else _actions(settling, pair, best, load),
@@ -306,47 +316,42 @@ def _actions(
                 out.append(HelpfulAction(action=words, separation=pair.separation(experiment)))
         except CraneError:
             continue  # no planar crane, or no cylinders
-    return sorted(out, key=lambda one: -(one.separation or 0.0))
+    return sorted(out, key=lambda action: -(action.separation or 0.0))
 
 
-def _told(member: OpenMember) -> str:
-    return f"{member.name} ({member.joint})"
+def _told(member: OpenMember | None) -> str:
+    return "" if member is None else f"{member.name} ({member.joint})"
 
 
 def lines(plan: SettlingPlan) -> list[str]:
-    """The plan as a table, and what to do where the motion does not suffice."""
-    rows = [("answers", "told so far", "predicted", "needed")]
-    for one in plan.separations:
-        names = f"{one.one} | {one.other}" if one.other else f"{one.one} | nothing"
-        rows.append((names, _sigma(one.told), _sigma(one.predicted), _sigma(one.needed)))
-    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
-    out = [
-        "  ".join([name.ljust(first), *map(str.rjust, numbers, others)]).rstrip()
+    """The plan as a table, and what to do if the motion does not suffice."""
+    rows, remedies = [("answers", "told so far", "predicted", "needed")], []
+    for pair in plan.separations:
+        names = f"{pair.first} | {pair.second or 'nothing'}"
+        rows.append((names, _sigma(pair.told), _sigma(pair.predicted), _sigma(pair.needed)))
+        if pair.settled_by:
+            helpful = [
+                f"{act.action} in a second recording: {_sigma(act.separation)}"
+                for act in pair.actions
+            ] or [pair.settled_by]
+            remedies.append(f"motion alone does not settle {names}: {'; or '.join(helpful)}")
+    first, *widths = (max(map(len, column)) for column in zip(*rows, strict=True))
+    table = [
+        "  ".join([name.ljust(first), *map(str.rjust, numbers, widths)]).rstrip()
         for name, *numbers in rows
     ]
-    for one in plan.separations:
-        if not one.settled_by:
-            continue
-        pair = f"{one.one} | {one.other or 'nothing'}"
-        said = [
-            f"{act.action} in a second recording: {_sigma(act.separation)}" for act in one.actions
-        ]
-        if not said:
-            said = [one.settled_by]
-        out.append(f"motion alone does not settle {pair}: {'; or '.join(said)}")
-    return out
+    return table + remedies
 
 
-def beyond(asked: Settling, foretold: Settling, open_: OpenQuestions) -> list[str]:
-    """What no recording can be foretold of, and the experiment that settles it."""
+def beyond(asked: Settling, predicted: Settling, open_: OpenQuestions) -> list[str]:
+    """What no recording can be predicted of, and the experiment that settles it."""
     out = []
     for pair in asked.pairs:
-        if any(pair is one for one in foretold.pairs):
+        if any(pair is kept for kept in predicted.pairs):
             continue
-        members = open_.questions[pair.question].members
-        one, other = pair.names
-        names = f"{_told(members[one])} | {'nothing' if other is None else _told(members[other])}"
-        out.append(f"no motion is sought for {names}: {members[one].settled_by}")
+        first, second = pair.members(open_)
+        names = f"{_told(first)} | {_told(second) or 'nothing'}"
+        out.append(f"no motion is sought for {names}: {first.settled_by}")
     return out
 
 
@@ -357,51 +362,65 @@ def _sigma(value: float | None) -> str:
 def open_lines(open_: OpenQuestions) -> Sequence[str]:
     """What is asked."""
     words = {
-        QuestionKind.CLASS: "class",
+        QuestionKind.AMBIGUOUS: "ambiguous",
         QuestionKind.NEAREST: "nearest of the catalogue",
         QuestionKind.UNDETERMINED: "undetermined",
     }
     return [
-        f"{words[one.kind]}: {', '.join(_told(member) for member in one.members)}"
-        for one in open_.questions
+        f"{words[question.kind]}: {', '.join(_told(member) for member in question.members)}"
+        for question in open_.questions
     ]
 
 
-# `design --settle`: from the folder of a diagnosis to the motion that settles what it left.
+class SettleRequest(NamedTuple):
+    """What is asked of `design --settle`."""
 
-PERIODS = 3  # of a recording: what repeats tells its noise
-HARMONICS = (3, 6)  # of Fourier series
-QUICKER = (1.0, 0.4)  # periods of these, over that of a course
+    folder: Path  # of the diagnosis
+    terms: Path | None
+    machine: str
+    settings: Path | None
+    clearance: Path | None
+    duration: float  # s
+    load: float  # kg
+    seed: int
+    starts: int
+    out: Path
+    provenance: str
 
 
-def settle(arguments: argparse.Namespace, provenance: str) -> None:
+def settle(request: SettleRequest) -> None:
     """Print and write the motion; raises `CraneError` with what is wrong."""
-    folder, name = arguments.settle, arguments.machine
-    if arguments.terms:
-        load_terms(arguments.terms)
+    folder, name, file = request.folder, request.machine, request.out
+    if request.terms:
+        load_terms(request.terms)
     open_ = read_open(folder / "findings.json")
     if not open_.questions:
         print("nothing is open that a motion could settle")
         return
     model = load_model(folder / "model.yaml").of_machine()
-    settings = load_design_settings(machine_file("design.yaml", name, arguments.settings))
-    clearance = load_clearance(machine_file("clearance.yaml", name, arguments.clearance))
+    settings = load_design_settings(machine_file("design.yaml", name, request.settings))
+    clearance = load_clearance(machine_file("clearance.yaml", name, request.clearance))
     print("\n".join(open_lines(open_)))
-    asked = _settling(model, open_, settings, clearance, arguments.duration, arguments.starts)
-    settling = asked.foretellable(arguments.seed)
+    asked = _settling(model, open_, settings, clearance, request.duration, request.starts)
+    settling = asked.predictable(request.seed)
     print("\n".join(beyond(asked, settling, open_)))
     if not settling.pairs:
         return
     with progress_bar("design", settling.steps) as bar:
-        best = settling.recording(settling.search(arguments.seed, bar.update))
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    file, picture = arguments.out, arguments.out.with_suffix(".png")
-    told = plan_of(settling, open_, best, file.name, arguments.load)
-    save(
-        file,
-        best.trajectory.model_copy(update={"name": file.stem, "provenance": provenance}),
+        best = settling.recording(settling.search(request.seed, bar.update))
+    file.parent.mkdir(parents=True, exist_ok=True)
+    plan, picture = file.with_suffix(".json"), file.with_suffix(".png")
+    told = SettlingPlan(
+        trajectory=file.name,
+        periods=best.periods,
+        duration=best.duration,
+        separations=[
+            _predicted(settling, open_, pair, best, request.load) for pair in settling.pairs
+        ],
     )
-    told.write(file.with_suffix(".json"))
+    update = {"name": file.stem, "provenance": request.provenance}
+    save(file, best.trajectory.model_copy(update=update))
+    told.write(plan)
     draw(picture, machine_of(model), best.trajectory, clearance)
     print("\n".join(lines(told)))
     print(f"{best.periods} periods, {best.duration:.0f} s:")
@@ -409,7 +428,7 @@ def settle(arguments: argparse.Namespace, provenance: str) -> None:
         f"  ros2 run crane_trajectory run_excitation --periods {best.periods} --enable "
         f"--trajectory {file}"
     )
-    print(f"written: {file}, {file.with_suffix('.json')}, {picture}")
+    print(f"written: {file}, {plan}, {picture}")
 
 
 def _settling(
@@ -426,7 +445,7 @@ def _settling(
             "findings.json: key 'open.noise': of no joint; diagnose with recordings that move it"
         )
     models = tuple(model_of(model, question) for question in open_.questions)
-    asked = {member.joint for one in open_.questions for member in one.members}
+    asked = {member.joint for question in open_.questions for member in question.members}
     joints = tuple(joint for joint in model.joints if joint in asked or "all" in asked)
     courses = CourseDraws(
         machine_of(model), model.joints, joints, clearance, settings.margins, duration / PERIODS
@@ -435,13 +454,13 @@ def _settling(
         model, CriterionKind.RAW, ColumnSet.BASE, settings.experiment, settings.plausible
     )
     families: list[Family] = [courses]
-    for harmonics, quicker in zip(HARMONICS, QUICKER, strict=True):
+    for harmonics, pace in HARMONICS_AND_PACE:
         families.append(
             FourierDraws(
                 ExcitationProblem(
                     model,
                     unasked,
-                    round(quicker * duration / PERIODS, 2),
+                    round(pace * duration / PERIODS, 2),
                     harmonics,
                     settings.search,
                     settings.margins,

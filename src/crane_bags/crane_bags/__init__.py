@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from crane_bags.fields import Place as Place
     from crane_bags.fields import read_fields as read_fields
     from crane_bags.fields import read_messages as read_messages
-    from crane_bags.namespaces import namespace_of as namespace_of
     from crane_bags.reader import TopicData as TopicData
+    from crane_bags.reader import namespace_of as namespace_of
     from crane_bags.reader import read_topics as read_topics
     from crane_bags.types import TOPICS as TOPICS
     from crane_bags.types import Topic as Topic
@@ -55,8 +55,7 @@ __getattr__, __dir__, __all__ = lazily(
     __name__,
     {
         "fields": ("Place", "read_fields", "read_messages"),
-        "namespaces": ("namespace_of",),
-        "reader": ("TopicData", "read_topics"),
+        "reader": ("TopicData", "namespace_of", "read_topics"),
         "types": ("TOPICS", "Topic", "typestore"),
         "writer": ("ArrayChannel", "BagWriter"),
     },

@@ -7,15 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 NANOSECONDS = 1_000_000_000  # in a second
-LARGEST_JUMP = NANOSECONDS // 10
+MAX_JUMP_NS = NANOSECONDS // 10
 """Between two messages that were received one right after the other, the stamps may jump by this
 much [ns]: a message may be late, or overtake another."""
-SAME = 1.0  # s, in which the stamps of several topics go back by one and the same step
-NEWS = 10.0  # s, for which it is told that time went back
-REGULAR = NANOSECONDS  # ns, over which the two clocks are compared to tell drift from steps
-FEW = 10  # so many of these make a recording at least, so that one with a step in it does not count
+SAME_STEP_S = 1.0  # in which the stamps of several topics go back by one and the same step
+NEWS_S = 10.0  # for which it is told that time went back
+REGULAR_NS = NANOSECONDS  # over which the two clocks are compared to tell drift from steps
+MIN_INTERVALS = (
+    10  # so many of these make a recording at least, so that one with a step in it does not count
+)
 
-MISORDERED = 0.02
+MAX_MISORDERED_SHARE = 0.02
 """Share of messages that are older than one before them, from which on times are not known."""
 
 
@@ -37,7 +39,7 @@ class SetBack(NamedTuple):
     @property
     def spoils(self) -> bool:
         """Whether so many messages are out of order that times are not known."""
-        return self.share > MISORDERED
+        return self.share > MAX_MISORDERED_SHARE
 
     def __str__(self) -> str:
         where = "stamps and log times" if self.logged else "stamps"
@@ -77,7 +79,7 @@ def clock_step(stamp: np.ndarray, log_time: np.ndarray) -> tuple[int, int] | Non
         return None
     late = log_time - stamp
     jump = np.diff(late)
-    sudden = (np.abs(jump) > LARGEST_JUMP) & (np.diff(log_time) < LARGEST_JUMP)
+    sudden = (np.abs(jump) > MAX_JUMP_NS) & (np.diff(log_time) < MAX_JUMP_NS)
     sudden[0] &= jump[0] > 0
     suspects = np.flatnonzero(sudden)
     if not len(suspects):
@@ -87,7 +89,7 @@ def clock_step(stamp: np.ndarray, log_time: np.ndarray) -> tuple[int, int] | Non
     after = np.minimum.accumulate(steady[::-1])[::-1][suspects + 1]
     change = np.abs(after - before)
     worst = int(change.argmax())
-    if change[worst] <= LARGEST_JUMP:
+    if change[worst] <= MAX_JUMP_NS:
         return None
     return int(suspects[worst]) + 1, -int(jump[suspects[worst]])
 
@@ -96,7 +98,7 @@ def _drift(stamp: np.ndarray, late: np.ndarray) -> np.ndarray:
     """(n,) [ns] what a steady drift adds to the delay: by the median over neighbours."""
     since = stamp - stamp[0]
     interval = float(np.median(np.abs(np.diff(stamp)))) or 1.0
-    apart = max(min(round(REGULAR / interval), len(stamp) // FEW), 1)
+    apart = max(min(round(REGULAR_NS / interval), len(stamp) // MIN_INTERVALS), 1)
     elapsed = stamp[apart:] - stamp[:-apart]
     forward = elapsed > 0
     if not forward.any():
@@ -119,15 +121,15 @@ class TimeBack:
     def comes(self, topic: str, stamp: int) -> bool:
         """Take the stamp [ns] of a message; return whether everything has to begin anew.
 
-        Messages may overtake one another by `LARGEST_JUMP`. What topics that lag still send from
+        Messages may overtake one another by `MAX_JUMP_NS`. What topics that lag still send from
         before the step, is a step as well, but is not counted again.
         """
         newest = self._newest.get(topic, stamp)
-        if newest - stamp <= LARGEST_JUMP:
+        if newest - stamp <= MAX_JUMP_NS:
             self._newest[topic] = max(newest, stamp)
             return False
         now = time.monotonic()
-        if now - self._last > SAME:
+        if now - self._last > SAME_STEP_S:
             self.times += 1
         self.by, self._last, self._newest = (newest - stamp) / NANOSECONDS, now, {topic: stamp}
         return True
@@ -135,7 +137,7 @@ class TimeBack:
     @property
     def is_news(self) -> bool:
         """Whether it happened within the last seconds."""
-        return time.monotonic() - self._last < NEWS
+        return time.monotonic() - self._last < NEWS_S
 
     def __str__(self) -> str:
         return f"time went back by {self.by:.1f} s: began anew"

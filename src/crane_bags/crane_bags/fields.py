@@ -15,7 +15,7 @@ from rosbags.typesys.store import Typestore
 
 from crane_bags.decoding import Table, header_stamps
 from crane_bags.reader import TopicData, contradiction, in_order
-from crane_bags.storage import BLOCK, blocks, connections, messages, open_bag
+from crane_bags.storage import BLOCK_MESSAGES, blocks, connections, messages, open_bag
 from crane_bags.types import typestore
 from crane_model.errors import DataError
 from crane_model.progress_bar import Progress
@@ -31,8 +31,15 @@ class AbsentError(ValueError):
 
 @dataclass(frozen=True)
 class Place:
-    """Where in a message a number stands: a field, dots leading into fields and places of arrays,
-    and last the place in an array, counted from 0 or named by `name` of the message.
+    """Where in a message a number stands.
+
+    Parameters
+    ----------
+    field
+        Field of the message; dots lead into fields and places of arrays.
+    index
+        Place in an array, counted from 0 or named by `name` of the message; None for a single
+        value.
     """
 
     field: str
@@ -77,7 +84,7 @@ def _field(value: Any, name: str) -> Any:
         return getattr(value, name)
     except AttributeError:
         fields = getattr(value, "__dataclass_fields__", None) or value.get_fields_and_field_types()
-        present = [one for one in fields if not one.startswith("_")]
+        present = [field for field in fields if not field.startswith("_")]
         raise ValueError(f"no field '{name}'; there are {', '.join(present)}") from None
 
 
@@ -100,11 +107,29 @@ def read_fields(
     types: Mapping[str, str],
     progress: Progress | None = None,
 ) -> Mapping[str, TopicData]:
-    """Numbers of topics: `fields` of each result holds (n,) of each place, keyed by its text.
+    """Read numbers of any topics of any types as arrays; each stamp stays once.
 
-    Message types are those that the bag defines, else those of ROS 2 Jazzy and of the suite; they
-    must be those of `types`, where that has the topic. Each stamp stays once. `DataError` names
-    bag, topic, what there is instead, and the remedy.
+    Message types are those that the bag defines, else those of ROS 2 Jazzy and of the suite.
+
+    Parameters
+    ----------
+    path
+        Bag: a folder, or one of its files.
+    wanted
+        Places in the messages of each topic, by the topic's name.
+    types
+        Message types that topics must have.
+    progress
+        Told which share of the bag has been read.
+
+    Returns
+    -------
+    By the topic's name; `fields` holds (n,) of each place, keyed by its text.
+
+    Raises
+    ------
+    DataError
+        Names bag, topic, what there is instead, and the remedy.
     """
     path = Path(path)
     gathered = {topic: _Gathered(tuple(places)) for topic, places in wanted.items()}
@@ -114,7 +139,7 @@ def read_fields(
         for block in blocks(path, reader, wanted):
             msgtype, store = known[block.topic]
             try:
-                decoded = [store.deserialize_cdr(one, msgtype) for one in block.messages]
+                decoded = [store.deserialize_cdr(message, msgtype) for message in block.messages]
                 gathered[block.topic].add(decoded, block.log_times)
             except (SerdeError, ValueError) as error:
                 raise DataError(
@@ -129,8 +154,8 @@ def read_fields(
             if progress:
                 progress(f"reading {path.name}", min(done / reader.held, 1.0))
         return {
-            topic: one.data(path, topic, contradiction(reader, topic))
-            for topic, one in gathered.items()
+            topic: gathering.data(path, topic, contradiction(reader, topic))
+            for topic, gathering in gathered.items()
         }
 
 
@@ -159,7 +184,7 @@ def read_messages(
     """
     path = Path(path)
     with open_bag(path) as reader:
-        stated = {one.topic: one.msgtype for one in reader.connections}
+        stated = {connection.topic: connection.msgtype for connection in reader.connections}
         topics = [topic for topic, msgtype in stated.items() if msgtype in msgtypes]
         if not topics:
             there = ", ".join(f"{topic} ({msgtype})" for topic, msgtype in sorted(stated.items()))
@@ -176,7 +201,7 @@ def read_messages(
                 raise DataError(
                     f"{path}: topic {connection.topic}: {error}; the bag is damaged"
                 ) from error
-            if progress and number % BLOCK == 0:
+            if progress and number % BLOCK_MESSAGES == 0:
                 progress(f"reading {path.name}", min(number / reader.message_count, 1.0))
             yield connection.topic, log_time, message
 
@@ -192,7 +217,7 @@ class _Gathered:
         self._names: set[str] = set()
 
     def add(self, messages: Sequence[Any], log_times: Sequence[int]) -> None:
-        self._numbers += [[one.number_if_any(m) for one in self._places] for m in messages]
+        self._numbers += [[place.number_if_any(m) for place in self._places] for m in messages]
         self._stamps.append(header_stamps(messages))
         self._log_times += log_times
         self._names.update(getattr(messages[0], NAMES, ()))
@@ -212,13 +237,20 @@ class _Gathered:
 def _type(path: Path, reader: Reader, topic: str, expected: str | None) -> tuple[str, Typestore]:
     """The message type of a topic, and a store that knows it."""
     sources = connections(reader, topic)
-    if not any(one.msgcount for one in reader.connections if one.topic == topic) or not sources:
-        there = sorted({f"{one.topic} ({one.msgtype})" for one in reader.connections})
+    if (
+        not any(
+            connection.msgcount for connection in reader.connections if connection.topic == topic
+        )
+        or not sources
+    ):
+        there = sorted(
+            {f"{connection.topic} ({connection.msgtype})" for connection in reader.connections}
+        )
         raise DataError(
             f"{path}: no message of topic {topic}; the bag holds {', '.join(there)}; correct the "
             "column map, or record the topic"
         )
-    msgtypes = {one.msgtype for one in sources}
+    msgtypes = {source.msgtype for source in sources}
     if msgtypes - {expected or sources[0].msgtype}:
         raise DataError(
             f"{path}: topic {topic} is of type {', '.join(sorted(msgtypes))}, expected "
@@ -229,7 +261,7 @@ def _type(path: Path, reader: Reader, topic: str, expected: str | None) -> tuple
 
 def _store(path: Path, sources: Sequence[Connection]) -> Typestore:
     msgtype = sources[0].msgtype
-    defined = [one for one in sources if one.msgdef.format != MessageDefinitionFormat.NONE]
+    defined = [source for source in sources if source.msgdef.format != MessageDefinitionFormat.NONE]
     if not defined:
         store = typestore()
         if msgtype not in store.fielddefs:

@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from rosbags.rosbag2 import Reader
@@ -13,13 +13,15 @@ from rosbags.typesys.store import Typestore
 
 from crane_bags.clocks import NANOSECONDS, SetBack, clock_step, set_back
 from crane_bags.decoding import Table, cells, concatenate, decode
-from crane_bags.storage import StoredBag, announced, blocks, connections, open_bag
-from crane_bags.types import CAN_FRAMES, Topic, typestore
+from crane_bags.storage import StoredBag, announced, blocks, connections, messages, open_bag
+from crane_bags.types import CAN_FRAMES, DRIVER_STATE, JOINT_STATES, Topic, typestore
 from crane_model.errors import DataError
 from crane_model.progress_bar import Progress
 
-LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock may not step
-FEWEST_STAMPS = 20  # messages with one stamp, from which on stamps are not times
+ROOT = "/"
+LETTING_THROUGH = ("STATE_ENABLED", "STATE_DEGRADED")
+MAX_DISORDER_NS = NANOSECONDS  # messages may overtake one another, a clock may not step
+MIN_MESSAGES_PER_STAMP = 20  # messages with one stamp, from which on stamps are not times
 
 
 @dataclass(frozen=True)
@@ -94,10 +96,26 @@ def read_topics(
     optional: Collection[Topic] = (),
     progress: Progress | None = None,
 ) -> Mapping[str, TopicData]:
-    """Read topics of header, `name` and doubles; the result is keyed by the topic's name.
+    """Read topics of header, `name` and doubles as arrays.
 
-    Optional topics that the bag does not hold are absent from the result. `DataError` names bag,
-    topic and remedy: bag absent, not a bag, empty or damaged; topic missing or of another type.
+    Parameters
+    ----------
+    path
+        Bag: a folder, or one of its files.
+    required, optional
+        Topics to read; optional topics that the bag does not hold are absent from the result.
+    progress
+        Told which share of the bag has been read.
+
+    Returns
+    -------
+    What the bag holds, by the topic's name.
+
+    Raises
+    ------
+    DataError
+        Names bag, topic and remedy: bag absent, not a bag, empty or damaged; topic missing or of
+        another type.
     """
     path, store = Path(path), typestore()
     with open_bag(path) as reader:
@@ -141,10 +159,14 @@ def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: b
     if count == 0:
         if not needed:
             return False
-        present = sorted({one.topic for one in reader.connections})
+        present = sorted({connection.topic for connection in reader.connections})
         if topic.name in present:
             raise DataError(f"{path}: topic {topic.name} holds no message; check its publisher")
-        if frames := {one.topic for one in reader.connections if one.msgtype in CAN_FRAMES}:
+        if frames := {
+            connection.topic
+            for connection in reader.connections
+            if connection.msgtype in CAN_FRAMES
+        }:
             raise DataError(
                 f"{path}: no topic {topic.name}, but CAN frames on {', '.join(sorted(frames))}; "
                 f"decode them first: ros2 run crane_driver decode --log {path} --dbc CAN.dbc "
@@ -155,7 +177,9 @@ def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: b
             "name yours in a column map (--columns), or name another bag"
         )
     stated = (*connections(reader, topic.name), *reader.connections)
-    types = {one.msgtype for one in stated if one.topic == topic.name} - {topic.msgtype}
+    types = {connection.msgtype for connection in stated if connection.topic == topic.name} - {
+        topic.msgtype
+    }
     if types:
         raise DataError(
             f"{path}: topic {topic.name} is of type {', '.join(sorted(types))}, expected "
@@ -201,21 +225,21 @@ def in_order(
     unusable: none is set, or a few stand for all messages.
     """
     distinct = len(np.unique(table.stamp))
-    frozen = distinct * FEWEST_STAMPS < len(table.stamp) and table.stamp.any()
+    frozen = distinct * MIN_MESSAGES_PER_STAMP < len(table.stamp) and table.stamp.any()
     stamped_by: Literal["header", "log time"] = (
         "header" if table.stamp.any() and not frozen else "log time"
     )
     unstamped = 0
     if stamped_by == "header":
         stamped = table.stamp != 0
-        if 0 < table.stamp[1:2].sum() <= LARGEST_DISORDER:
+        if 0 < table.stamp[1:2].sum() <= MAX_DISORDER_NS:
             stamped[0] = True  # time begins at zero, as in a simulation
         unstamped = int(np.count_nonzero(~stamped))
         table, log_time = table.take(stamped), log_time[stamped]
     stamp = table.stamp if stamped_by == "header" else log_time
     behind = np.maximum.accumulate(stamp) - stamp
     step = clock_step(stamp, log_time)
-    if step is None and behind.max() > LARGEST_DISORDER:
+    if step is None and behind.max() > MAX_DISORDER_NS:
         step = int(behind.argmax()), -int(behind.max())
     if step is not None:
         row, change = step
@@ -248,3 +272,60 @@ def in_order(
 
 def _note(count: int, text: str) -> tuple[str, ...]:
     return (f"{text} ({count})",) if count else ()
+
+
+def namespace_of(path: Path | str) -> str:
+    """The namespace whose joint states a bag holds.
+
+    Parameters
+    ----------
+    path
+        Bag: a folder, or one of its files.
+
+    Returns
+    -------
+    The namespace; the root if it is one of them, or if there is none.
+
+    Raises
+    ------
+    DataError
+        If the bag holds several, none of them the root, and as `open_bag` does.
+    """
+    with open_bag(Path(path)) as reader:
+        found = {
+            connection.topic.removesuffix(JOINT_STATES.name) or ROOT
+            for connection in reader.connections
+            if connection.topic.endswith(JOINT_STATES.name)
+            and connection.msgtype == JOINT_STATES.msgtype
+            and connection.msgcount
+        }
+    if ROOT in found or not found:
+        return ROOT
+    if len(found) > 1:
+        namespaces = ", ".join(sorted(found))
+        raise DataError(
+            f"{path}: holds the joint states of {len(found)} cranes, in the namespaces "
+            f"{namespaces}; say which one is meant: --namespace {min(found)}"
+        )
+    return found.pop()
+
+
+def let_through(path: Path | str, namespace: str) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps (n,) [ns] of driver/state, in order, and whether commands reached the valves (n,).
+
+    Empty where the bag holds none, or one of another definition, which says less.
+    """
+    path, store, topic = Path(path), typestore(), DRIVER_STATE.within(namespace)
+    found: list[tuple[int, bool]] = []
+    with open_bag(path) as reader:
+        count, hashes = announced(reader, topic.name)
+        if count and not hashes - {store.hash_rihs01(topic.msgtype)}:
+            kind = store.types[topic.msgtype]
+            states = {getattr(kind, name) for name in LETTING_THROUGH}
+            for _, _, data in messages(path, reader, [topic.name]):
+                told: Any = store.deserialize_cdr(data, topic.msgtype)
+                stamp = told.header.stamp
+                found.append((stamp.sec * NANOSECONDS + stamp.nanosec, told.state in states))
+    found.sort(key=lambda state: state[0])
+    stamps = np.array([stamp for stamp, _ in found], dtype=np.int64)
+    return stamps, np.array([through for _, through in found], dtype=bool)

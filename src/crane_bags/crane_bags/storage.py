@@ -1,26 +1,43 @@
 """Opening bags of either storage, single or split, and saying what is wrong with the others."""
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import SEEK_END
 from pathlib import Path
 from typing import NamedTuple, cast
 
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Chunk, DataEnd, Message
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from numba import njit
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_mcap import McapReader, Statistics
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from crane_bags.chunks import BLOCK, Block, chunk_blocks, gathered
 from crane_model.errors import DataError
 
+RECORD_HEADER_BYTES, MESSAGE_HEADER_BYTES = (
+    9,
+    22,
+)  # bytes in front of the content of a record, and of the CDR of a message
+BLOCK_MESSAGES = 4096  # messages that are gathered where they do not come by chunk
 STORAGE_SUFFIXES = (".mcap", ".db3")
 Storage = McapReader | Sqlite3Reader
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 UNKNOWN_TYPE = "__schemaless__"  # what rosbags calls a type that the summary does not repeat
 SQLITE_LOGS = ("-wal", "-journal")  # what SQLite keeps beside a file until it is closed
+
+
+class Block(NamedTuple):
+    """Messages of one topic, in the order of the file."""
+
+    topic: str
+    log_times: Sequence[int]  # ns
+    messages: Sequence[bytes]  # CDR
 
 
 class Count(NamedTuple):
@@ -52,14 +69,18 @@ class StoredBag(Reader):
     @property
     def held(self) -> int:
         """Number of messages in the files."""
-        return sum(one.msgcount for file in _storages(self) for one in file.connections)
+        return sum(
+            connection.msgcount for file in _storages(self) for connection in file.connections
+        )
 
     def _compare(self, folder: DirectoryReader) -> None:
         """Correct what metadata.yaml states of `folder` where the files hold more."""
-        stored = [one for file in _storages(self) for one in file.connections]
-        for topic in dict.fromkeys(one.topic for one in stored):
-            held = sum(one.msgcount for one in stored if one.topic == topic)
-            stated = [k for k, one in enumerate(folder.connections) if one.topic == topic]
+        stored = [connection for file in _storages(self) for connection in file.connections]
+        for topic in dict.fromkeys(connection.topic for connection in stored):
+            held = sum(connection.msgcount for connection in stored if connection.topic == topic)
+            stated = [
+                k for k, connection in enumerate(folder.connections) if connection.topic == topic
+            ]
             count = Count(sum(folder.connections[k].msgcount for k in stated), held)
             if count.held <= count.stated:
                 continue
@@ -69,7 +90,7 @@ class StoredBag(Reader):
                 more = first.msgcount + count.held - count.stated
                 folder.connections[stated[0]] = first._replace(msgcount=more)
             else:
-                new = next(one for one in stored if one.topic == topic)
+                new = next(connection for connection in stored if connection.topic == topic)
                 folder.connections.append(new._replace(msgcount=count.held))
 
 
@@ -78,22 +99,24 @@ def _read_on(file: McapReader) -> None:
     schemas, and how many messages there are of each.
     """
     statistics = file.statistics
-    counted = sum(one.msgcount for one in file.connections)
+    counted = sum(connection.msgcount for connection in file.connections)
     if (
         statistics is not None
         and counted == statistics.message_count
         and (counted or not file.chunks)
-        and all(one.msgtype != UNKNOWN_TYPE for one in file.connections)
+        and all(connection.msgtype != UNKNOWN_TYPE for connection in file.connections)
     ):
         return
     file.schemas.clear()
     file.channels.clear()
     file.connections.clear()
     file.meta_scan()
-    if not any(one.channel_count for one in file.chunks):
+    if not any(chunk.channel_count for chunk in file.chunks):
         file.chunks.clear()  # so that rosbags looks for messages without them
     found = cast(Statistics, file.statistics).channel_message_counts
-    file.connections[:] = [one._replace(msgcount=found.get(one.id, 0)) for one in file.connections]
+    file.connections[:] = [
+        connection._replace(msgcount=found.get(connection.id, 0)) for connection in file.connections
+    ]
 
 
 @contextmanager
@@ -121,7 +144,7 @@ def messages(
 
     `DataError` where the storage is damaged.
     """
-    sources = [one for name in topics for one in connections(reader, name)]
+    sources = [connection for name in topics for connection in connections(reader, name)]
     if sources:  # to rosbags, none means all
         with _damage(path):
             yield from reader.messages(sources)
@@ -136,13 +159,19 @@ def blocks(path: Path, reader: Reader, topics: Collection[str]) -> Iterator[Bloc
         if reader.compression_mode != "message":
             for storage in _storages(reader):
                 yield from _file_blocks(storage, topics)
-        elif sources := [one for name in topics for one in connections(reader, name)]:
+        elif sources := [connection for name in topics for connection in connections(reader, name)]:
             messages = reader.messages(sources)
-            yield from _by_topic((one.topic, time, data) for one, time, data in messages)
+            yield from _by_topic(
+                (connection.topic, time, data) for connection, time, data in messages
+            )
 
 
 def _file_blocks(storage: Storage, topics: Collection[str]) -> Iterator[Block]:
-    wanted = {one.id: one.topic for one in storage.connections if one.topic in topics}
+    wanted = {
+        connection.id: connection.topic
+        for connection in storage.connections
+        if connection.topic in topics
+    }
     if isinstance(storage, McapReader):
         yield from chunk_blocks(Path(str(storage.path)), wanted)
     elif wanted:
@@ -159,7 +188,7 @@ def _by_topic(messages: Iterator[tuple[str, int, bytes]]) -> Iterator[Block]:
     pending: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
     for topic, log_time, data in messages:
         pending[topic].append((log_time, data))
-        if len(pending[topic]) == BLOCK:
+        if len(pending[topic]) == BLOCK_MESSAGES:
             yield gathered(topic, pending.pop(topic))
     for topic, found in pending.items():
         yield gathered(topic, found)
@@ -171,14 +200,23 @@ def connections(reader: Reader, topic: str) -> list[Connection]:
     Those of `reader.connections` come from metadata.yaml, and rosbags silently drops every message
     where the two state different QoS profiles, as bags out of `ros2 bag convert` do.
     """
-    return [one for file in _storages(reader) for one in file.connections if one.topic == topic]
+    return [
+        connection
+        for file in _storages(reader)
+        for connection in file.connections
+        if connection.topic == topic
+    ]
 
 
 def announced(reader: Reader, topic: str) -> tuple[int, set[str]]:
     """Number of messages and type hashes (where given) that a bag states for a topic."""
-    stated = [one for one in reader.connections if one.topic == topic]
-    hashes = {one.digest for one in stated if (one.digest or "").startswith("RIHS01_")}
-    return sum(one.msgcount for one in stated), hashes
+    stated = [connection for connection in reader.connections if connection.topic == topic]
+    hashes = {
+        connection.digest
+        for connection in stated
+        if (connection.digest or "").startswith("RIHS01_")
+    }
+    return sum(connection.msgcount for connection in stated), hashes
 
 
 def _storages(reader: Reader) -> list[Storage]:
@@ -252,3 +290,79 @@ def _closed(file: Path) -> bool:
             return True
         content.seek(-len(MCAP_MAGIC), SEEK_END)
         return content.tell() > 0 and content.read() == MCAP_MAGIC
+
+
+def chunk_blocks(file: Path, topics: Mapping[int, str]) -> Iterator[Block]:
+    """The messages of channels, whose `topics` are given by their numbers, as the file has them.
+
+    The data section alone is read: an index may be absent, or may repeat no channels. Raises
+    whatever the mcap library raises on a damaged file, a wrong checksum included.
+    """
+    loose: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+    with file.open("rb") as stream:
+        for record in StreamReader(stream, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                data, size = get_chunk_data_stream(record, validate_crc=True)
+                yield from _messages(data.read(size), topics)
+            elif isinstance(record, Message) and record.channel_id in topics:
+                found = loose[topics[record.channel_id]]
+                found.append((record.log_time, record.data))
+                if len(found) == BLOCK_MESSAGES:
+                    yield gathered(topics[record.channel_id], found)
+                    found.clear()
+            elif isinstance(record, DataEnd):
+                break
+    for topic, found in loose.items():
+        if found:
+            yield gathered(topic, found)
+
+
+def gathered(topic: str, found: Sequence[tuple[int, bytes]]) -> Block:
+    """A block of log times and messages."""
+    log_times, messages = zip(*found, strict=True)
+    return Block(topic, log_times, messages)
+
+
+def _messages(chunk: bytes, topics: Mapping[int, str]) -> Iterator[Block]:
+    found = _walk(np.frombuffer(chunk, np.uint8), Opcode.MESSAGE.value)
+    for topic in set(topics.values()):
+        channels = [number for number, name in topics.items() if name == topic]
+        rows = found[np.isin(found[:, 0], channels)]
+        if rows.size:
+            _, log_times, starts, ends = rows.T.tolist()
+            yield Block(topic, log_times, [chunk[a:b] for a, b in zip(starts, ends, strict=True)])
+
+
+@njit(cache=True)
+def _walk(chunk: np.ndarray, message: int) -> np.ndarray:
+    """Channel, log time [ns], start and end of the CDR of each message record (n, 4).
+
+    A record is its opcode (1 byte), its length (8), and that many bytes: for a message channel (2),
+    sequence (4), log time (8), publish time (8) and CDR.
+    """
+    found = np.empty((len(chunk) // (RECORD_HEADER_BYTES + MESSAGE_HEADER_BYTES) + 1, 4), np.int64)
+    count, position = 0, 0
+    while position < len(chunk):
+        start = position + RECORD_HEADER_BYTES
+        end = start + _number(chunk, position + 1, 8)
+        if end < start or end > len(chunk):
+            raise ValueError("a record is longer than its chunk")
+        if chunk[position] == message:
+            found[count, 0] = _number(chunk, start, 2)
+            found[count, 1] = _number(chunk, start + 6, 8)
+            found[count, 2] = start + MESSAGE_HEADER_BYTES
+            found[count, 3] = end
+            count += 1
+        position = end
+    return found[:count]
+
+
+@njit(cache=True)
+def _number(chunk: np.ndarray, start: int, size: int) -> int:
+    """A little endian number."""
+    if start + size > len(chunk):
+        raise ValueError("a record is cut off")
+    value = 0
+    for i in range(size - 1, -1, -1):
+        value = value * 256 + int(chunk[start + i])
+    return value

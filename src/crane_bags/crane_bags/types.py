@@ -18,8 +18,18 @@ DEFINITIONS = Path(__file__).with_name("msg")
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic as it is recorded; `latched` publishers keep the last message for late joiners, those
-    of a `continuous` one send without pause as long as they are there.
+    """A topic as it is recorded.
+
+    Parameters
+    ----------
+    name
+        Of a crane in the root namespace.
+    msgtype
+        For example sensor_msgs/msg/JointState.
+    latched
+        Whether its publisher keeps the last message for late joiners.
+    continuous
+        Whether its publisher sends without pause as long as it is there.
     """
 
     name: str  # of a crane in the root namespace
@@ -89,10 +99,12 @@ CAN_FRAMES = {
 
 @cache
 def typestore() -> Typestore:
-    """Message types of ROS 2 Jazzy, of crane_interfaces, which come with this package, and of CAN
-    frames.
+    """Message types of ROS 2 Jazzy, of crane_interfaces and of CAN frames.
 
-    `CraneError` if they did not.
+    Raises
+    ------
+    CraneError
+        If the definitions of crane_interfaces did not come with this package.
     """
     definitions = sorted(DEFINITIONS.glob("*.msg"))
     if not definitions:

@@ -1,10 +1,10 @@
-"""How often the suite is right about effects that are hidden from it.
+"""Benchmark: how often the suite is right about injected effects.
 
 An answer is judged by the effects and joints that it names:
 
 >>> from crane_benchmark import BlindAnswer, CaseKind, judge
 >>> hidden = [("stribeck", "telescope")]
->>> def twin(place, other):  # whether the data tell another effect from the hidden one
+>>> def twin(number, rival):  # whether the data tell a rival from the injected effect
 ...     return False
 >>> judge(CaseKind.SINGLE, hidden, BlindAnswer.of_names([("stribeck", "telescope")]), twin)
 <Judgement.RIGHT: 'right'>

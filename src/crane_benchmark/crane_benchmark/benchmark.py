@@ -1,4 +1,4 @@
-"""make discrepancy-benchmark: does `diagnose` find what is hidden in the stand-in machine?
+"""make discrepancy-benchmark: does `diagnose` find what is hidden in the simulated crane?
 
 One process makes bags of machines that hide effects, a second one answers from the bags alone, a
 third opens the labels and scores. What is finished is kept, so that an interrupted run goes on
@@ -6,110 +6,205 @@ where it was; code should not change in between. Bags do not depend on threshold
 ahead, and serve for the next thresholds too if they are kept.
 """
 
-import argparse
 import os
+import subprocess
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from crane_benchmark.batch import Answering, Batch, run_batch, stage
-from crane_benchmark.cases.case import Site
+from crane_benchmark.cases.case import Simulator
 from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_benchmark.folders import Folders, done
-from crane_benchmark.scores import freeze, frozen
+from crane_benchmark.scores import lock, locked
+from crane_identification.data.arguments import request_of
 from crane_model import cli
 
-COUNTS = {
+STAGES = {
+    "make_cases": "crane_benchmark.cases.make_cases",
+    "answer_cases": "crane_benchmark.answers.answer_cases",
+    "score_cases": "crane_benchmark.scores.score_cases",
+}
+CASE_COUNTS = {
     CaseSet.TUNING: 40,
     CaseSet.CALIBRATION: 40,
     CaseSet.SCORING: 400,
     CaseSet.FORMER: 96,
     CaseSet.STRANGERS: 12,
-    CaseSet.AWAY_TUNING: 60,
-    CaseSet.AWAY_CLEAN: 40,
+    CaseSet.INDEPENDENT_TUNING: 60,
+    CaseSet.INDEPENDENT_CLEAN: 40,
 }
-CLEAN = (CaseSet.CALIBRATION, CaseSet.AWAY_CLEAN)
-BATCH = 8  # cases whose bags are on the disk at once, 1 GB
+CLEAN = (CaseSet.CALIBRATION, CaseSet.INDEPENDENT_CLEAN)
+CASES_PER_BATCH = 8  # cases whose bags are on the disk at once, 1 GB
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """All stages, batch by batch; raises `CraneError` with what is wrong."""
-    which: CaseSet = arguments.which
-    top: Path = arguments.out.resolve() / which.value
-    if arguments.bags_only:
-        through(batches(arguments, Folders(top), ()), arguments.cluster)
+@dataclass(frozen=True)
+class Answering:
+    """Which cases are answered (None: all), by which thresholds (None: those of the package)."""
+
+    thresholds: Path | None
+    names: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Batch:
+    """The cases from `first` to before `last` of a set of `count`, all or those of a `simulator`.
+
+    Bags that are answered are deleted unless they are to be kept.
+    """
+
+    which: CaseSet
+    count: int
+    first: int
+    last: int
+    simulator: Simulator | None
+    sets: int
+    quick: bool
+    folders: Folders
+    workers: int
+    keep: bool
+    answers: tuple[Answering, ...]
+
+
+def run_batch(batch: Batch) -> int:
+    """Make the bags that are not there, and answer; the status of the first stage that fails."""
+    making: list[object] = ["--set", batch.which.value, "--count", batch.count]
+    making += ["--from", batch.first, "--to", batch.last, "--sets", batch.sets]
+    if batch.simulator is not None:
+        making += ["--simulator", batch.simulator.value]
+    if batch.quick:
+        making.append("--quick")
+    if status := stage("make_cases", batch.folders, batch.workers, *making):
+        return status
+    names_of_batch = [
+        case.name for case in cases(batch.which, batch.count)[batch.first : batch.last]
+    ]
+    for answers in batch.answers:
+        names = (
+            names_of_batch
+            if answers.names is None
+            else [name for name in names_of_batch if name in answers.names]
+        )
+        how: list[object] = ["--only", *names]  # beside it other workers make and answer theirs
+        if batch.keep:
+            how.append("--keep-bags")
+        if answers.thresholds is not None:
+            how += ["--thresholds", answers.thresholds]
+        if status := stage("answer_cases", batch.folders, batch.workers, *how):
+            return status
+    return 0
+
+
+def stage(name: str, folders: Folders, workers: int, *arguments: object) -> int:
+    """The status with which a stage ends."""
+    command: list[object] = [sys.executable, "-m", STAGES[name], "--workers", workers]
+    command += ["--folder", folders.top, "--round", folders.round, *arguments]
+    return subprocess.run([str(word) for word in command]).returncode
+
+
+@dataclass(frozen=True)
+class BenchmarkRequest:
+    """What the command is asked for; see its options."""
+
+    which: CaseSet
+    simulator: Simulator | None
+    cases: int
+    sets: int
+    quick: bool
+    workers: int
+    out: Path
+    keep_bags: bool
+    bags_only: bool
+    cluster: str | None
+    lock: bool
+    gates: Path | None
+    thresholds: Path | None
+
+
+def run(request: BenchmarkRequest) -> None:
+    """Run all stages, batch by batch; raises `CraneError`."""
+    which = request.which
+    top = request.out.resolve() / which.value
+    if request.bags_only:
+        through(batches(request, Folders(top), ()), request.cluster)
         return
-    calibrating = which in CLEAN and (which is CaseSet.CALIBRATION or arguments.gates is not None)
-    calibrating |= arguments.freeze
-    folders = Folders(top, name_of_round(arguments))
-    if which is CaseSet.SCORING and len(done(folders.rows)) >= arguments.cases:
+    calibrating = which in CLEAN and (which is CaseSet.CALIBRATION or request.gates is not None)
+    calibrating |= request.lock
+    folders = Folders(top, name_of_round(request))
+    if which is CaseSet.SCORING and len(done(folders.rows)) >= request.cases:
         print(f"scored already with these thresholds, which is done once: {folders.results}")
-        score(folders, arguments.workers)
+        score(folders, request.workers)
         return
     folders.scores.mkdir(parents=True, exist_ok=True)
     answers: tuple[Answering, ...]
     if calibrating:
-        answers = (Answering(freeze.write_open(top)),)
-    elif which is CaseSet.SCORING and not arguments.thresholds:
-        answers = crossed(arguments, top)
+        answers = (Answering(lock.write_open(top)),)
+    elif which is CaseSet.SCORING and not request.thresholds:
+        answers = crossed(request, top)
     else:
-        answers = (Answering(arguments.thresholds),)
-    through(batches(arguments, folders, answers), arguments.cluster)
+        answers = (Answering(request.thresholds),)
+    through(batches(request, folders, answers), request.cluster)
     if calibrating:
-        found = freeze.freeze(folders, which) if arguments.freeze else freeze.calibrated(folders)
-        if arguments.gates:
-            freeze.write_gates(arguments.gates, found)
-        print("\n".join(freeze.lines(found)))
+        found = lock.lock(folders, which) if request.lock else lock.calibrated(folders)
+        if request.gates:
+            lock.write_gates(request.gates, found)
+        print("\n".join(lock.lines(found)))
         return
-    score(folders, arguments.workers)
+    score(folders, request.workers)
 
 
-def name_of_round(arguments: argparse.Namespace) -> str:
+def name_of_round(request: BenchmarkRequest) -> str:
     """Answers with other thresholds than those of the package lie apart; of the scoring set, those
-    of each freeze. `ConfigurationError` if that is not what was frozen.
+    of each lock. `ConfigurationError` if that is not what was locked.
     """
-    if arguments.which is CaseSet.AWAY_CLEAN and (arguments.gates or arguments.freeze):
+    if request.which is CaseSet.INDEPENDENT_CLEAN and (request.gates or request.lock):
         return "open"
-    if arguments.thresholds:
-        return str(arguments.thresholds.stem)
-    return frozen.require_frozen()[:12] if arguments.which is CaseSet.SCORING else ""
+    if request.thresholds:
+        return request.thresholds.stem
+    return locked.require_locked()[:12] if request.which is CaseSet.SCORING else ""
 
 
-def crossed(arguments: argparse.Namespace, top: Path) -> tuple[Answering, ...]:
-    """Cases away by the gates that were calibrated at home, and cases at home by those from away.
+def crossed(request: BenchmarkRequest, top: Path) -> tuple[Answering, ...]:
+    """Each simulator's cases by the thresholds that were calibrated on the other.
 
-    `ConfigurationError` where cases at home are asked for and no gates were calibrated away.
+    `ConfigurationError` if cases of the primary simulator are asked for and no thresholds were
+    calibrated on the independent one.
     """
-    every = cases(CaseSet.SCORING, arguments.cases)
-    own = {site: tuple(case.name for case in every if case.site is site) for site in Site}
+    every = cases(CaseSet.SCORING, request.cases)
+    names_of_simulator = {
+        simulator: tuple(case.name for case in every if case.simulator is simulator)
+        for simulator in Simulator
+    }
     answers = []
-    if arguments.site in (None, Site.AWAY):
-        answers.append(Answering(None, own[Site.AWAY]))
-    if arguments.site in (None, Site.HOME):
+    if request.simulator in (None, Simulator.INDEPENDENT):
+        answers.append(Answering(None, names_of_simulator[Simulator.INDEPENDENT]))
+    if request.simulator in (None, Simulator.PRIMARY):
         top.mkdir(parents=True, exist_ok=True)
-        answers.append(Answering(freeze.write_away(top), own[Site.HOME]))
+        answers.append(
+            Answering(lock.write_independent(top), names_of_simulator[Simulator.PRIMARY])
+        )
     return tuple(answers)
 
 
 def batches(
-    arguments: argparse.Namespace, folders: Folders, answers: tuple[Answering, ...]
+    request: BenchmarkRequest, folders: Folders, answers: tuple[Answering, ...]
 ) -> list[Batch]:
     """The cases of a set, a few at a time."""
     return [
         Batch(
-            which=arguments.which,
-            count=arguments.cases,
+            which=request.which,
+            count=request.cases,
             first=first,
-            last=min(first + BATCH, arguments.cases),
-            site=arguments.site,
-            sets=arguments.sets,
-            quick=arguments.quick,
+            last=min(first + CASES_PER_BATCH, request.cases),
+            simulator=request.simulator,
+            sets=request.sets,
+            quick=request.quick,
             folders=folders,
-            workers=1 if arguments.cluster else arguments.workers,
-            keep=arguments.keep_bags,
+            workers=1 if request.cluster else request.workers,
+            keep=request.keep_bags,
             answers=answers,
         )
-        for first in range(0, arguments.cases, BATCH)
+        for first in range(0, request.cases, CASES_PER_BATCH)
     ]
 
 
@@ -125,7 +220,9 @@ def through(waiting: Sequence[Batch], cluster: str | None) -> None:
 
         with connected(cluster) as client:
             futures = client.map(run_batch, waiting, pure=False)
-            _follow(waiting, (one.result() for one in as_completed(futures, loop=client.loop)))
+            _follow(
+                waiting, (future.result() for future in as_completed(futures, loop=client.loop))
+            )
         return
     _follow(waiting, map(run_batch, waiting))
 
@@ -134,9 +231,9 @@ def _follow(waiting: Sequence[Batch], statuses: Iterable[int]) -> None:
     for status in statuses:
         if status:
             raise SystemExit(status)
-        one = waiting[0]
-        if one.answers:
-            print(f"{len(done(one.folders.answers))} of {one.count} cases answered", flush=True)
+        batch = waiting[0]
+        if batch.answers:
+            print(f"{len(done(batch.folders.answers))} of {batch.count} cases answered", flush=True)
 
 
 def score(folders: Folders, workers: int) -> None:
@@ -146,12 +243,17 @@ def score(folders: Folders, workers: int) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the benchmark; exit status 1 if thresholds are not frozen or a stage fails."""
+    """Run the benchmark; exit status 1 if thresholds are not locked or a stage fails."""
     parser = cli.command_line(prog="discrepancy", description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("--set", type=CaseSet, choices=list(CaseSet), default=CaseSet.SCORING, dest="which")
-    add("--site", type=Site, choices=list(Site), help="only cases of machines from there")
-    add("--cases", type=int, help=", ".join(f"{n} ({s.value})" for s, n in COUNTS.items()))
+    add(
+        "--simulator",
+        type=Simulator,
+        choices=list(Simulator),
+        help="only cases of machines from there",
+    )
+    add("--cases", type=int, help=", ".join(f"{n} ({s.value})" for s, n in CASE_COUNTS.items()))
     add("--sets", type=int, default=2, help="of three recordings to train on, in each case")
     add("--quick", action="store_true", help="one short recording each: to try the machinery")
     add("--workers", type=int, default=os.cpu_count() or 1, help="processes")
@@ -161,17 +263,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     add(
         "--cluster", metavar="ADDRESS", help="of a Dask scheduler whose workers see the same folder"
     )
-    add("--freeze", action="store_true", help="write the calibrated thresholds to the package")
+    add("--lock", action="store_true", help="write the calibrated thresholds to the package")
     add("--gates", type=Path, help="file for thresholds that these clean cases calibrate")
     add("--thresholds", type=Path, help="answer with these (YAML; default: the packaged ones)")
     arguments = parser.parse_args(argv)
-    if arguments.freeze and arguments.which not in CLEAN:
-        parser.error(f"--freeze: calibrate with --set {' or '.join(CLEAN)}")
+    if arguments.lock and arguments.which not in CLEAN:
+        parser.error(f"--lock: calibrate with --set {' or '.join(CLEAN)}")
     if arguments.gates and arguments.which not in CLEAN:
         parser.error(f"--gates: calibrate with cases that hide nothing, --set {' or '.join(CLEAN)}")
     if arguments.cases is None:
-        arguments.cases = COUNTS[arguments.which]
-    return cli.run(lambda: run(arguments))
+        arguments.cases = CASE_COUNTS[arguments.which]
+    return cli.run(lambda: run(request_of(BenchmarkRequest, arguments)))
 
 
 if __name__ == "__main__":

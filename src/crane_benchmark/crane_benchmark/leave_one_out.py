@@ -17,18 +17,10 @@ from rich.table import Table
 from crane_benchmark.answers.answer_cases import CaseAnswer, given, refused
 from crane_benchmark.cases.case import Case, CaseKind
 from crane_benchmark.cases.case_sets import CaseSet
-from crane_benchmark.folders import ANSWER, Folders, done, new, read_json
-from crane_benchmark.scores.judgement import (
-    AND_MORE,
-    NAMING,
-    BlindAnswer,
-    Place,
-    without_lengths,
-)
+from crane_benchmark.folders import ANSWER, Folders, done, in_processes, new, read_json
+from crane_benchmark.scores.judgement import AND_MORE, NAMING, BlindAnswer, Place, without_lengths
 from crane_benchmark.scores.summary import Rate, rate
-from crane_benchmark.work import in_processes
 from crane_identification.diagnosis.diagnosis import diagnose
-from crane_identification.diagnosis.findings import answer
 from crane_identification.diagnosis.search.candidates import WHOLE
 from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
@@ -81,11 +73,12 @@ class LeavingOutJob:
     folders: Folders
 
 
-def confusable(one: str, other: str) -> bool:
+def confusable(first_name: str, second_name: str) -> bool:
     """Whether the catalogue declares either of two entries to be taken for the other."""
-    first, second = (REGISTRY[name].effect for name in (one, other))
+    first, second = (REGISTRY[name].effect for name in (first_name, second_name))
     assert first is not None and second is not None  # entries of the catalogue
-    return other in (*first.confusable, *first.kin) or one in (*second.confusable, *second.kin)
+    declared = {*first.confusable, *first.kin}
+    return second_name in declared or first_name in {*second.confusable, *second.kin}
 
 
 def became(hidden: Place, answer: BlindAnswer, off: bool = False) -> Left:
@@ -113,7 +106,7 @@ def became(hidden: Place, answer: BlindAnswer, off: bool = False) -> Left:
     ]
     if not all(declared):
         return Left.WRONG
-    return Left.DECLARED_CLASS if answer.verdict == "class" else Left.DECLARED
+    return Left.DECLARED_CLASS if answer.verdict == "ambiguous" else Left.DECLARED
 
 
 def answer_case(job: LeavingOutJob) -> None:
@@ -122,9 +115,9 @@ def answer_case(job: LeavingOutJob) -> None:
     recordings = given(folder)
     with new(_answers(job.folders) / job.name) as out:
         try:
-            found = answer(
-                diagnose(*recordings, Options(), load_thresholds(), without=[job.effect])
-            )
+            found = diagnose(
+                *recordings, Options(), load_thresholds(), without=[job.effect]
+            ).results()
         except CraneError as error:
             said = refused(error)
         else:
@@ -190,9 +183,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     path = folders.scores / "without_own_entry.json"
     LeftOutResults(summary=summary, cases=rows).write(path)
     table = Table("without the entry of what is hidden", "cases", "share", box=box.SIMPLE_HEAD)
-    for name, one in summary.items():
-        low, high = one.interval or (0.0, 1.0)
-        table.add_row(name, str(one.count), f"{one.rate or 0.0:.0%} [{low:.0%}, {high:.0%}]")
+    for name, share in summary.items():
+        low, high = share.interval or (0.0, 1.0)
+        table.add_row(name, str(share.count), f"{share.rate or 0.0:.0%} [{low:.0%}, {high:.0%}]")
     Console(width=100).print(table)
     print(f"written: {path}")
     return 0

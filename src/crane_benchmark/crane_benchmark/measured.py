@@ -12,11 +12,13 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+from crane_model.errors import CraneError
 from crane_model.result_file import ResultFile, ResultPart
 
+FILE_WIDTH = 140  # characters of a table that goes into a file
 NO_BREAK = "\u00a0"
-COLUMNS = ("what", "target", "measured")
-PERCENT = re.compile(r"(?<=\d)%")
+RESULT_COLUMNS = ("what", "target", "measured")
+PERCENT_SIGN = re.compile(r"(?<=\d)%")
 BEFORE_UNIT = re.compile(r"(?<=\d) (?=[%σ]|(?:µs|ms|s|mrad|mm|rad|bar|times)\b)")
 
 
@@ -35,7 +37,7 @@ class MeasuredRow(ResultPart):
     @property
     def shown(self) -> list[str]:
         """The cells with their values."""
-        plain = (PERCENT.sub(" %", cell.format(**self.values)) for cell in self.cells)
+        plain = (PERCENT_SIGN.sub(" %", cell.format(**self.values)) for cell in self.cells)
         return [BEFORE_UNIT.sub(NO_BREAK, cell) for cell in plain]
 
 
@@ -70,7 +72,7 @@ def of_joints(
 
 
 def write(
-    path: Path, command: str, rows: Sequence[MeasuredRow], columns: Sequence[str] = COLUMNS
+    path: Path, command: str, rows: Sequence[MeasuredRow], columns: Sequence[str] = RESULT_COLUMNS
 ) -> MeasuredFigures:
     """Write what `command` has measured just now to the file `path`, and return it."""
     found = MeasuredFigures(
@@ -93,6 +95,29 @@ def _commit() -> str:
     except FileNotFoundError:  # no git
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def tell(
+    rows: Sequence[MeasuredRow],
+    columns: Sequence[str],
+    command: str,
+    out: Path | None,
+    misses: Sequence[str],
+) -> None:
+    """Print the rows and write them to `out`, if given; `CraneError` names the `misses`."""
+    # large, and only here: whoever just writes figures, as the demo, needs neither
+    from rich.table import Table
+
+    from crane_identification.report import terminal
+
+    table = Table(*columns)
+    for row in rows:
+        table.add_row(*row.shown)
+    terminal.console(FILE_WIDTH).print(table)
+    if out is not None:
+        write(out, command, rows, columns)
+    if misses:
+        raise CraneError("\n  ".join(("aims are missed:", *misses)))
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -11,8 +11,8 @@ from scipy.linalg import qr
 from crane_model.array import Array
 from crane_model.chain import PER_BODY, regressor
 from crane_model.dynamics import Geometry
+from crane_model.joint import MachineJoint
 from crane_model.machine import Machine
-from crane_model.machine.joint import MachineJoint
 
 STANDARD_PARAMETERS = tuple(
     f"{quantity}_{body}" for body in ("FL", "SL", "TG") for quantity in ("m", "mx", "my", "J")
@@ -36,7 +36,7 @@ q4 = 0."""
 
 REPORT_UNITS = ("kg m2", "kg m", "kg", "kg m", "kg", "kg m2", "kg m", "kg m")
 
-_ROUNDING = 1e-14  # relative size of what exact arithmetic would have made zero
+_ROUNDING_SHARE = 1e-14  # relative size of what exact arithmetic would have made zero
 
 
 class Basis(NamedTuple):
@@ -57,7 +57,7 @@ def reveal_rank(columns: Array, tolerance: float = 1e-9) -> Basis:
     rounding errors of the largest count as zero.
     """
     norms = np.linalg.norm(columns, axis=0)
-    seen = norms > _ROUNDING * norms.max()
+    seen = norms > _ROUNDING_SHARE * norms.max()
     scale = np.where(seen, norms, 1.0)
     _, r, pivots = qr(columns * (seen / scale), mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(r))
@@ -139,14 +139,14 @@ def report_from_base(geometry: Geometry) -> Array:
 
 # Base parameters of a serial chain: the combinations of ten a body that its motion determines.
 
-SAMPLES = 200  # random states that show which columns depend on each other
-NEGLIGIBLE = 1e-9  # of a column's norm
+RANDOM_STATES = 200  # random states that show which columns depend on each other
+NEGLIGIBLE_SHARE = 1e-9  # of a column's norm
 
 _FIRST = ("mx", "my", "Ixy", "Ixz", "Iyz", "Izz", "Ixx", "mz", "Iyy", "m")
 """Which of a body's parameters stand for a combination, if they can: those that Gautier and Khalil
 (1990) keep for a body that turns about z; the rest goes to the bodies before, except that the mass
 on a slide stands for all masses that it carries."""
-ALONG = 0.99  # of a unit vector that lies along a coordinate axis
+AXIS_COSINE = 0.99  # of a unit vector that lies along a coordinate axis
 
 
 class BaseSet(NamedTuple):
@@ -160,8 +160,8 @@ class BaseSet(NamedTuple):
         """Combination k in the names of its parts."""
         parts = [(f, name) for f, name in zip(self.combination[k], self.names, strict=True) if f]
         parts.sort(key=lambda part: part[1] != self.names[self.leading[k]])
-        first, *others = (f"{'-' if f < 0 else '+'} {_factor(f)}{name}" for f, name in parts)
-        return " ".join([first.removeprefix("+ "), *others])
+        first, *further = (f"{'-' if f < 0 else '+'} {_factor(f)}{name}" for f, name in parts)
+        return " ".join([first.removeprefix("+ "), *further])
 
 
 @lru_cache(maxsize=64)
@@ -170,14 +170,14 @@ def base_set(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...] = 
 
     By a rank-revealing QR of the regressor's columns at random states.
     """
-    names = tuple(f"{each}.{joint.name}" for joint in machine.joints for each in PER_BODY)
+    names = tuple(f"{kind}.{joint.name}" for joint in machine.joints for kind in PER_BODY)
     moving = [machine.index(joint) for joint in joints]
     low = np.array([machine.limits[joint].position_min for joint in joints])
     high = np.array([machine.limits[joint].position_max for joint in joints])
     rng = np.random.default_rng(0)
-    states = np.zeros((3, SAMPLES, len(machine.joint_names)))
-    states[0][:, moving] = rng.uniform(low, high, (SAMPLES, len(joints)))
-    states[1:, :, moving] = rng.standard_normal((2, SAMPLES, len(joints)))
+    states = np.zeros((3, RANDOM_STATES, len(machine.joint_names)))
+    states[0][:, moving] = rng.uniform(low, high, (RANDOM_STATES, len(joints)))
+    states[1:, :, moving] = rng.standard_normal((2, RANDOM_STATES, len(joints)))
     columns = regressor(machine.chain, *states)[:, moving].reshape(-1, len(names))
     left = [i for i, name in enumerate(names) if name not in zero]
     order = sorted(left, key=lambda i: _rank(machine.joints[i // 10], PER_BODY[i % 10]) + (-i,))
@@ -186,7 +186,7 @@ def base_set(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...] = 
     combination = np.zeros((len(leading), len(names)))
     combination[range(len(leading)), leading] = 1.0
     found = np.linalg.lstsq(columns[:, leading], columns[:, dependent], rcond=None)[0]
-    combination[:, dependent] = np.where(np.abs(found) > NEGLIGIBLE, found, 0.0)
+    combination[:, dependent] = np.where(np.abs(found) > NEGLIGIBLE_SHARE, found, 0.0)
     return BaseSet(np.array(leading), combination, names)
 
 
@@ -198,27 +198,27 @@ def _rank(joint: MachineJoint, quantity: str) -> tuple[int, bool]:
 def _as_about_z(joint: MachineJoint, quantity: str) -> str:
     """The quantity (m, mx, ..., Izz) in axes that are exchanged so that the joint's axis is z."""
     axis = int(np.argmax(np.abs(joint.direction)))
-    if abs(joint.direction[axis]) < ALONG:
+    if abs(joint.direction[axis]) < AXIS_COSINE:
         return quantity
     letters = {"xyz"[(axis + 1) % 3]: "x", "xyz"[(axis + 2) % 3]: "y", "xyz"[axis]: "z"}
-    return quantity[0] + "".join(sorted(letters[one] for one in quantity[1:]))
+    return quantity[0] + "".join(sorted(letters[letter] for letter in quantity[1:]))
 
 
 def _independent(columns: Array, order: list[int]) -> list[int]:
     """The columns that do not depend on those before them in `order`, rising."""
     norms = np.linalg.norm(columns, axis=0)
-    smallest, basis, kept = NEGLIGIBLE * norms.max(), np.empty((0, len(columns))), []
+    smallest, basis, kept = NEGLIGIBLE_SHARE * norms.max(), np.empty((0, len(columns))), []
     for i in order:
         if norms[i] <= smallest:
             continue
         rest = columns[:, i] / norms[i]
         for _ in range(2):  # the second time takes away what rounding left
             rest = rest - basis.T @ (basis @ rest)
-        if (size := np.linalg.norm(rest)) > NEGLIGIBLE:
+        if (size := np.linalg.norm(rest)) > NEGLIGIBLE_SHARE:
             basis = np.vstack([basis, rest / size])
             kept.append(i)
     return sorted(kept)
 
 
 def _factor(factor: float) -> str:
-    return "" if abs(abs(factor) - 1.0) < NEGLIGIBLE else f"{abs(factor):.6g} "
+    return "" if abs(abs(factor) - 1.0) < NEGLIGIBLE_SHARE else f"{abs(factor):.6g} "

@@ -1,6 +1,4 @@
-"""What every command line of the suite has in common: its version, where results go, and what
-becomes of errors and interrupts.
-"""
+"""What all command lines have in common: version, results, errors and interrupts, progress."""
 
 import argparse
 import math
@@ -134,7 +132,7 @@ def check_out(*files: Path, replace: bool = False) -> None:
         if file.exists() and not (replace and file.is_file()):
             remedy = ", or --replace to write over it" if file.is_file() else ""
             raise ConfigurationError(f"{file}: exists; name another place{remedy}")
-        there = next(one for one in file.absolute().parents if one.exists())
+        there = next(parent for parent in file.absolute().parents if parent.exists())
         if not there.is_dir() or not os.access(there, os.W_OK):
             raise ConfigurationError(f"{file}: {there} cannot be written to; name another place")
 

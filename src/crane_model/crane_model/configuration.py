@@ -3,8 +3,10 @@
 import ast
 import math
 import operator
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar, get_args
@@ -34,7 +36,7 @@ from crane_model.errors import ConfigurationError
 
 # What the suite says of a value that a schema does not accept.
 
-LONGEST = 80  # characters of a value that is shown
+MAX_SHOWN_CHARACTERS = 80  # of a value that is shown
 MAPPING, NUMBER = "must be a mapping of keys to values", "must be a number"
 WHOLE, LIST = "must be a whole number", "must be a list"
 UNKNOWN_KEY = "unknown_key"  # beside those of pydantic
@@ -77,7 +79,7 @@ WORDING = {
     "union_tag_invalid": "{discriminator} must be one of {expected_tags}",
     "value_error": "{error}",
 }
-OTHERWISE = "is not of the kind that belongs here"
+OTHER_WORDING = "is not of the kind that belongs here"
 
 
 def wording(kind: str, context: Mapping[str, Any], value: Any) -> str:
@@ -85,21 +87,25 @@ def wording(kind: str, context: Mapping[str, Any], value: Any) -> str:
 
     `kind` is pydantic's type of the error, `context` what it tells of it.
     """
-    said = WORDING.get(kind, OTHERWISE).format(**context)
+    said = WORDING.get(kind, OTHER_WORDING).format(**context)
     return said + ("" if kind in {"missing", "value_error"} else shown(value))
 
 
 def shown(value: Any) -> str:
     """A value in brackets, shortened if it is long."""
     text = repr(value)
-    return f" (got {text if len(text) <= LONGEST else text[: LONGEST - 3] + '...'})"
+    if len(text) > MAX_SHOWN_CHARACTERS:
+        text = text[: MAX_SHOWN_CHARACTERS - 3] + "..."
+    return f" (got {text})"
 
 
 # YAML text to plain content, within limits: a small text that grows without end is refused.
 
-DEEPEST = 40  # mappings and lists within each other
-MOST = 200_000  # values, those behind an alias counted wherever it stands
-LONGEST_NUMBER = 100  # characters of a number or a date: the arithmetic of long ones takes hours
+MAX_YAML_DEPTH = 40  # mappings and lists within each other
+MAX_YAML_VALUES = 200_000  # values, those behind an alias counted wherever it stands
+MAX_NUMBER_CHARACTERS = (
+    100  # characters of a number or a date: the arithmetic of long ones takes hours
+)
 
 
 class WrongYamlError(Exception):
@@ -149,7 +155,7 @@ class YamlText:
         place = f"line {mark.line + 1}: " + (f"key '{key}': " if key else "")
         if isinstance(error, _RefusedError):
             return f"{place}{error.problem}"
-        what = "; ".join(one for one in (error.context, error.problem) if one)
+        what = "; ".join(text for text in (error.context, error.problem) if text)
         return f"{place}not valid YAML: {what}"
 
 
@@ -165,8 +171,8 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         self._depth += 1
-        if self._depth > DEEPEST:
-            problem = f"nested deeper than {DEEPEST} levels; write it flatter"
+        if self._depth > MAX_YAML_DEPTH:
+            problem = f"nested deeper than {MAX_YAML_DEPTH} levels; write it flatter"
             event = self.peek_event()  # type: ignore[no-untyped-call]
             raise ComposerError(None, None, problem, event.start_mark)
         node = super().compose_node(parent, index)
@@ -176,7 +182,7 @@ class _Loader(yaml.SafeLoader):
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         kind = node.tag.rpartition(":")[2]
         try:
-            if kind in {"int", "float", "timestamp"} and len(node.value) > LONGEST_NUMBER:
+            if kind in {"int", "float", "timestamp"} and len(node.value) > MAX_NUMBER_CHARACTERS:
                 raise ValueError
             return super().construct_object(node, deep)
         except yaml.YAMLError:
@@ -214,14 +220,14 @@ def _way(node: yaml.Node, index: int) -> Iterator[str]:
 def _count(node: yaml.Node, counted: dict[int, int]) -> int:
     """Values in a node, aliases followed; `counted` holds those of the nodes that were met."""
     if id(node) not in counted:
-        counted[id(node)] = MOST + 1  # until it is known: of a node that holds itself
+        counted[id(node)] = MAX_YAML_VALUES + 1  # until it is known: of a node that holds itself
         total = 1
         for _, inner in _parts(node):
             total += _count(inner, counted)
-            if total > MOST:
+            if total > MAX_YAML_VALUES:
                 raise _RefusedError(
-                    f"holds more than {MOST} values, those of aliases counted wherever they stand; "
-                    "write fewer",
+                    f"holds more than {MAX_YAML_VALUES} values, those of aliases counted wherever "
+                    "they stand; write fewer",
                     node,
                 )
         counted[id(node)] = total
@@ -231,7 +237,7 @@ def _count(node: yaml.Node, counted: dict[int, int]) -> int:
 # YAML files: read into validated, immutable objects; every error names file, key and value.
 
 BUILT_IN = frozenset(get_args(ErrorType))  # kinds of pydantic's own errors
-LARGEST_FILE = 1_000_000  # bytes, a thousand times what the files of the suite have
+MAX_FILE_BYTES = 1_000_000  # a thousand times what the files of the suite have
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -311,9 +317,10 @@ def read_document(path: Path | str) -> Document:
     try:
         if path.exists() and not path.is_file():  # a pipe would never end
             raise ConfigurationError(f"{path}: cannot be read: it is not a file")
-        if (size := path.stat().st_size) > LARGEST_FILE:
+        if (size := path.stat().st_size) > MAX_FILE_BYTES:
             raise ConfigurationError(
-                f"{path}: must have at most {LARGEST_FILE} bytes, got {size}; is it the right file?"
+                f"{path}: must have at most {MAX_FILE_BYTES} bytes, got {size}; is it the right "
+                "file?"
             )
         return Document(path, YamlText(path.read_text(encoding="utf-8")))
     except FileNotFoundError:
@@ -348,7 +355,7 @@ def save(path: Path | str, instance: BaseModel) -> None:
 
 def bounds(schema: type[BaseModel], field: str) -> tuple[float, float]:
     """Smallest and largest value that a schema allows a field which states both (ge, le)."""
-    stated = {type(one): one for one in schema.model_fields[field].metadata}
+    stated = {type(limit): limit for limit in schema.model_fields[field].metadata}
     return stated[Ge].ge, stated[Le].le
 
 
@@ -358,7 +365,7 @@ def _beside_known(problem: ErrorDetails, schema: type[BaseModel]) -> InitErrorDe
     if kind == "extra_forbidden" and len(problem["loc"]) == 1:
         kind, text = UNKNOWN_KEY, "there are {known}"
         context = {
-            "known": ", ".join(one.alias or name for name, one in schema.model_fields.items())
+            "known": ", ".join(field.alias or name for name, field in schema.model_fields.items())
         }
     return InitErrorDetails(
         type=kind if kind in BUILT_IN else PydanticCustomError(kind, text, context),
@@ -389,7 +396,7 @@ def _validate(
     lines = []
     for problem in problems:
         # in <> is not a key, but which kind of thing an entry was taken for
-        parts = [one for one in problem["loc"] if not str(one).startswith("<")]
+        parts = [part for part in problem["loc"] if not str(part).startswith("<")]
         key = ".".join(_named(content, parts)) or "(whole file)"
         told = wording(problem["type"], problem.get("ctx", {}), problem["input"])
         lines.append(f"{place_of(parts)}: key '{key}': {told}")
@@ -398,7 +405,7 @@ def _validate(
 
 # Angles in files: numbers in rad, or sums and products with pi, as `pi/2 - 0.1192`.
 
-WIDEST = 4.0 * math.pi  # rad, of a direction: two turns
+MAX_DIRECTION_RAD = 4.0 * math.pi  # of a direction: two turns
 _OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -432,10 +439,10 @@ def _value(node: ast.expr) -> float:
 
 
 def _within(angle: float) -> float:
-    if abs(angle) > WIDEST:
+    if abs(angle) > MAX_DIRECTION_RAD:
         raise ValueError(
-            f"must be an angle in rad, within {WIDEST:.3g} either way, got {angle:g}; is it in "
-            "degrees?"
+            f"must be an angle in rad, within {MAX_DIRECTION_RAD:.3g} either way, got {angle:g}; "
+            "is it in degrees?"
         )
     return angle
 
@@ -443,3 +450,58 @@ def _within(angle: float) -> float:
 Angle = Annotated[float, BeforeValidator(_read)]
 Direction = Annotated[Angle, AfterValidator(_within)]
 """An angle of the geometry, which is no joint's coordinate."""
+
+
+# Kinds of things that other packages may add to: found by their entry points, chosen by `type`.
+
+Kind = TypeVar("Kind", bound=Schema)
+
+
+def load_entry_points(
+    group: str, registry: dict[str, type[Kind]], what: str
+) -> tuple[type[Kind], ...]:
+    """Register what every installed package with an entry point of `group` has; `what` names it.
+
+    An entry point names a module, whose classes are registered by being imported, or one class of
+    it. One that cannot be imported, or takes a type that exists, is left out with a warning, so
+    that it stops nobody who does not need it.
+    """
+    before = set(registry)
+    for point in sorted(entry_points(group=group)):
+        if reason := _refused(point, registry, what):
+            package = point.dist.name if point.dist else "a package"
+            warnings.warn(
+                f"{package}: entry point '{point.name}' of {group} is left out: {reason}; mend or "
+                "uninstall it",
+                stacklevel=2,
+            )
+    return tuple(registry[name] for name in registry if name not in before)
+
+
+def of_type(content: Any, registry: Mapping[str, type[Kind]], what: str, more: str) -> Kind:
+    """The entry of a file that names its `type`; raises ValueError as pydantic wants it.
+
+    `what` it is, and where `more` types come from, is for the message.
+    """
+    name = content.get("type") if isinstance(content, Mapping) else None
+    if not isinstance(name, str) or name not in registry:
+        known = ", ".join(sorted(registry))
+        raise ValueError(f"no {what} of type {name!r}; there are {known}, {more}")
+    return registry[name].model_validate(content)
+
+
+def _refused(point: EntryPoint, registry: dict[str, type[Kind]], what: str) -> str:
+    """Why its classes were not registered; empty if they were."""
+    before = dict(registry)
+    try:
+        point.load()
+    except Exception as error:  # whatever stands in the package
+        reason = f"{type(error).__name__}: {error}"
+    else:
+        taken = [name for name, known in before.items() if registry[name] is not known]
+        if not taken:
+            return ""
+        reason = f"there is {what} of type '{taken[0]}' already"
+    registry.clear()
+    registry.update(before)
+    return reason

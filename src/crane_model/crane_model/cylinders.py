@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from crane_model.actuators.actuator import BuiltIn
+from crane_model.actuators import BuiltIn
 from crane_model.array import Array
 from crane_model.errors import RangeError
 from crane_model.linkages import motion
@@ -62,9 +62,27 @@ def cylinder_force(machine: Machine, joint: str, pressure_a: Array, pressure_b: 
 
 
 def lever_arms(machine: Machine, q: Array, joints: Sequence[str]) -> Array:
-    """(n, k) coordinates of k joints, in any order, to (n, k) lever arms dx/dq of their actuators.
+    """Lever arms dx/dq (18) of the actuators of k joints, in any order.
 
-    Of an actuator that several joints move, q is what it sees of them.
+    Parameters
+    ----------
+    machine
+        The arm.
+    q
+        (n, k) coordinates of the joints [rad, m].
+    joints
+        Their names, the columns of q.
+
+    Returns
+    -------
+    (n, k) lever arms [m/rad, or 1]. Of an actuator that several joints move, at what it sees of
+    them.
+
+    Raises
+    ------
+    RangeError
+        If a linkage cannot be assembled at q, or an actuator is also moved by a joint not in
+        `joints`.
     """
     shares = actuator_shares(machine, joints)
     columns = zip(joints, (q if shares is None else q @ shares.T).T, strict=True)
@@ -90,7 +108,28 @@ def generalized_forces(
     pressure_b: Array,
     joints: Sequence[str],
 ) -> Array:
-    """(27) [N m, N] of k joints in any order from coordinates and pressures, each (n, k)."""
+    """Generalized forces (27) of k joints, in any order, from the pressures of their cylinders.
+
+    Parameters
+    ----------
+    machine
+        The arm.
+    q
+        (n, k) coordinates of the joints [rad, m].
+    pressure_a, pressure_b
+        (n, k) pressures of the chambers [Pa].
+    joints
+        Their names, the columns of the arrays.
+
+    Returns
+    -------
+    (n, k) generalized forces [N m, N].
+
+    Raises
+    ------
+    RangeError
+        If a linkage cannot be assembled at q, or a joint has no hydraulic actuator.
+    """
     columns = enumerate(joints)
     forces = [cylinder_force(machine, j, pressure_a[:, i], pressure_b[:, i]) for i, j in columns]
     return generalized_from_actuators(machine, q, np.stack(forces, axis=1), joints)
@@ -101,8 +140,8 @@ def cylinder_forces_from_generalized(
 ) -> Array:
     """Inverse of (27): (n, k) generalized forces of k joints to (n, k) cylinder forces [N]."""
     shares = actuator_shares(machine, joints)
-    own = np.asarray(tau) if shares is None else np.asarray(tau) @ np.linalg.inv(shares)
-    return own / lever_arms(machine, q, joints)
+    force = np.asarray(tau) if shares is None else np.asarray(tau) @ np.linalg.inv(shares)
+    return force / lever_arms(machine, q, joints)
 
 
 def actuator_shares(machine: Machine, joints: Sequence[str]) -> Array | None:
@@ -111,12 +150,12 @@ def actuator_shares(machine: Machine, joints: Sequence[str]) -> Array | None:
         return None
     shares = np.zeros((len(joints), len(joints)))
     for i, joint in enumerate(joints):
-        for other, share in machine.seen_by(joint).items():
-            if other not in joints:
+        for mover, share in machine.seen_by(joint).items():
+            if mover not in joints:
                 raise RangeError(
-                    f"the actuator of {joint} is also moved by {other}, whose coordinate is needed"
+                    f"the actuator of {joint} is also moved by {mover}, whose coordinate is needed"
                 )
-            shares[i, joints.index(other)] = share
+            shares[i, joints.index(mover)] = share
     return shares
 
 
@@ -143,19 +182,19 @@ class ChamberForces:
         self._machine, self._joints = machine, joints
         self._chambers: _Chambers | None = None
         actuators = [machine.actuators[joint] for joint in joints]
-        linkages = [one.compiled for one in actuators if isinstance(one, BuiltIn)]
-        if len(linkages) < len(joints) or not all(one.has_chambers for one in actuators):
+        linkages = [actuator.compiled for actuator in actuators if isinstance(actuator, BuiltIn)]
+        if len(linkages) < len(joints) or not all(actuator.has_chambers for actuator in actuators):
             return
         cylinders = [machine.cylinders[joint] for joint in joints]
-        constants = np.zeros((len(joints), max(len(one.constants) for one in linkages)))
+        constants = np.zeros((len(joints), max(len(linkage.constants) for linkage in linkages)))
         for row, linkage in zip(constants, linkages, strict=True):
             row[: len(linkage.constants)] = linkage.constants
         shares = actuator_shares(machine, joints)
         self._chambers = _Chambers(
-            np.array([one.kind for one in linkages]),
+            np.array([linkage.kind for linkage in linkages]),
             constants,
-            np.array([one.area_a for one in cylinders]),
-            np.array([one.area_b for one in cylinders]),
+            np.array([cylinder.area_a for cylinder in cylinders]),
+            np.array([cylinder.area_b for cylinder in cylinders]),
             np.eye(len(joints)) if shares is None else shares,
         )
 
@@ -169,10 +208,10 @@ class ChamberForces:
                 return force
         k = len(position)
         chambers = pressures[np.newaxis, :k], pressures[np.newaxis, k:]
-        one: Array = generalized_forces(
+        forces: Array = generalized_forces(
             self._machine, position[np.newaxis], *chambers, self._joints
         )[0]
-        return one
+        return forces
 
 
 @njit(cache=True)
@@ -184,9 +223,9 @@ def _set_forces(chambers: _Chambers, position: Array, pressures: Array, force: A
         for j in range(k):
             seen += chambers.shares[i, j] * position[j]
         _, lever, slope = motion(chambers.kind[i], chambers.constants[i], seen)
-        own = chambers.area_a[i] * pressures[i] - chambers.area_b[i] * pressures[k + i]
-        if not np.isfinite(own + lever + slope):
+        piston = chambers.area_a[i] * pressures[i] - chambers.area_b[i] * pressures[k + i]
+        if not np.isfinite(piston + lever + slope):
             return False
         for j in range(k):
-            force[j] += chambers.shares[i, j] * (lever * own)
+            force[j] += chambers.shares[i, j] * (lever * piston)
     return True

@@ -35,11 +35,23 @@ LAGRANGIAN_PARAMETERS = (
     "S_TL_normal",
 )
 
-_ALONE = (0, 1, 2)  # where the joints stand that tau2, tau3 and F4 belong to
+_PLANAR_JOINTS = (0, 1, 2)  # where the joints stand that tau2, tau3 and F4 belong to
 
 
 class Geometry(NamedTuple):
-    """The four constants that the planar dynamics need."""
+    """The four constants of Table 1 that the planar dynamics (3)-(9) need.
+
+    Parameters
+    ----------
+    theta_2_0
+        Angle from q2 to the line from joint 2 to the elbow [rad].
+    inner_boom_length
+        a2, from joint 2 to the elbow [m].
+    telescope_offset
+        a3, along the normal of the telescope's axis [m].
+    gravity
+        Gravitational acceleration [m/s2].
+    """
 
     theta_2_0: float
     inner_boom_length: float
@@ -109,7 +121,7 @@ def _fill_regressor(
 def lagrangian_regressor(geometry: Geometry, q: Array, v: Array, acceleration: Array) -> Array:
     """phi of (8) for the nine parameters: (n, 3) motion to (n, 3, 9); rows tau2, tau3, F4."""
     out = np.empty((len(q), 3, 9))
-    _fill(geometry, q, v, acceleration, _ALONE, 0.0, out)
+    _fill(geometry, q, v, acceleration, _PLANAR_JOINTS, 0.0, out)
     return out
 
 
@@ -214,8 +226,23 @@ def inverse_dynamics(
     v: Array,
     acceleration: Array,
 ) -> Array:
-    """tau of (6) by M, C and G, each (n, 3): the other way round from the regressor (8).
+    """Generalized forces of (6) by M, C and G: the other way round from the regressor (8).
 
+    Parameters
+    ----------
+    geometry
+        Constants of the planar crane.
+    parameters
+        (9,) parameters of the Lagrangian, in the order of `LAGRANGIAN_PARAMETERS`.
+    q, v, acceleration
+        (n, 3) motion of inner boom, outer boom [rad] and telescope [m], and its derivatives.
+
+    Returns
+    -------
+    (n, 3) torques of the booms [N m] and force of the telescope [N].
+
+    Examples
+    --------
     A mass at the elbow alone, of moment 100 kg m about joint 2, level and at rest:
 
     >>> from crane_model import load_machine
@@ -243,7 +270,9 @@ def _symmetric(*upper: Array) -> Array:
 # Derivatives of the planar regressor (8) with respect to the motion, summed with weights.
 
 
-def pull_back(geometry: Geometry, q: Array, v: Array, acceleration: Array, weight: Array) -> Array:
+def planar_pull_back(
+    geometry: Geometry, q: Array, v: Array, acceleration: Array, weight: Array
+) -> Array:
     """(3, n, 3): derivatives of sum_jk weight_njk phi_njk of (8) with respect to (n, 3) motion q,
     q', q'', for the base set, weight (n, 3, 8).
 
@@ -300,7 +329,7 @@ def pull_back(geometry: Geometry, q: Array, v: Array, acceleration: Array, weigh
         - offset * to_s[6],
         a * to_phi[6] * sin - offset * to_psi[6] + to_s[6],
     )
-    return np.stack([_by_joint(each) for each in (by_position, by_velocity, by_acceleration)])
+    return np.stack([_by_joint(slopes) for slopes in (by_position, by_velocity, by_acceleration)])
 
 
 def _by_joint(slopes: tuple[Array, Array, Array]) -> Array:

@@ -1,7 +1,7 @@
 """The exceptions of the suite: each message says which object, limit and value, and what to do."""
 
-LONGEST_LINE = 2000  # characters
-MOST_LINES = 50
+MAX_LINE_CHARACTERS = 2000
+MAX_MESSAGE_LINES = 50
 
 
 class CraneError(Exception):
@@ -12,16 +12,16 @@ class CraneError(Exception):
 
     def __str__(self) -> str:
         lines = super().__str__().split("\n")
-        if (more := len(lines) - MOST_LINES) > 0:
-            lines[MOST_LINES:] = [f"and {more} more"]
+        if (more := len(lines) - MAX_MESSAGE_LINES) > 0:
+            lines[MAX_MESSAGE_LINES:] = [f"and {more} more"]
         return "\n".join(map(_shortened, lines))
 
 
 def _shortened(line: str) -> str:
     """Without its middle if it is long: the beginning says what it is about, the end what to do."""
-    if len(line) <= LONGEST_LINE:
+    if len(line) <= MAX_LINE_CHARACTERS:
         return line
-    half = LONGEST_LINE // 2
+    half = MAX_LINE_CHARACTERS // 2
     return f"{line[:half]} ... [{len(line) - 2 * half} characters left out] ... {line[-half:]}"
 
 

@@ -23,14 +23,39 @@ def link_transforms(machine: Machine, q: ArrayLike) -> Array:
 
 
 def forward_kinematics(machine: Machine, q: ArrayLike) -> Array:
-    """(n, j) generalized coordinates to (n, 4, 4): T_m^0 (2), and on to the tool."""
+    """Pose of the tool in the base frame (2), of any machine.
+
+    Parameters
+    ----------
+    machine
+        The arm of j joints.
+    q
+        (n, j) or (j,) generalized coordinates, from the base to the tip [rad, m].
+
+    Returns
+    -------
+    (n, 4, 4) homogeneous transforms.
+    """
     transforms: Array = link_transforms(machine, q)[:, -1] @ machine.tool.matrix
     return transforms
 
 
 def tip_position(machine: Machine, q: ArrayLike) -> Array:
-    """(n, j) generalized coordinates to (n, 3): the tip in the base frame (2) [m].
+    """Position of the tip in the base frame (2), of any machine.
 
+    Parameters
+    ----------
+    machine
+        The arm of j joints.
+    q
+        (n, j) or (j,) generalized coordinates, from the base to the tip [rad, m].
+
+    Returns
+    -------
+    (n, 3) positions [m].
+
+    Examples
+    --------
     >>> from crane_model import load_machine
     >>> pose = [[0.0, 0.3, -0.5, 0.2]]  # slew, inner and outer boom [rad], telescope [m]
     >>> distance, across, height = tip_position(load_machine(), pose)[0]
@@ -41,7 +66,19 @@ def tip_position(machine: Machine, q: ArrayLike) -> Array:
 
 
 def tip_jacobian(machine: Machine, q: ArrayLike) -> Array:
-    """(n, j) generalized coordinates to (n, 3, j): d tip / d q [m/rad; 1 where a joint slides]."""
+    """Derivative of the tip's position with respect to the coordinates, of any machine.
+
+    Parameters
+    ----------
+    machine
+        The arm of j joints.
+    q
+        (n, j) or (j,) generalized coordinates, from the base to the tip [rad, m].
+
+    Returns
+    -------
+    (n, 3, j) Jacobians [m/rad; 1 where a joint slides].
+    """
     transforms = link_transforms(machine, q)
     tip = (transforms[:, -1] @ machine.tool.matrix)[:, :3, 3]
     jacobian = np.zeros((len(transforms), len(machine.joint_names), 3))

@@ -121,12 +121,14 @@ def motion(kind: int, constants: Array, q: float) -> tuple[float, float, float]:
     """x, dx/dq, d2x/dq2 of a `Linkage` at q."""
     c = constants
     if kind == PROPORTIONAL:
-        return c[0] * q, c[0], 0.0
+        ratio = c[0]
+        return ratio * q, ratio, 0.0
     if kind == TRIANGLE:
         return inner_boom(q, c[0], c[1], c[2])
     if kind == FOUR_BAR:
-        x, first, second = outer_boom(c[7] * q, c[0], c[1], c[2], c[3], c[4], c[5], c[6])
-        return x, c[7] * first, second
+        sense = c[7]
+        x, first, second = outer_boom(sense * q, c[0], c[1], c[2], c[3], c[4], c[5], c[6])
+        return x, sense * first, second
     return _between(c, q)
 
 

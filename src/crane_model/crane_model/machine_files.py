@@ -1,6 +1,8 @@
 """Where the files of a machine are: all in one folder, beside its machine file."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import crane_machines
 from crane_model.errors import ConfigurationError
@@ -32,9 +34,32 @@ def machine_file(
     if given and not path.suffix:
         path = path.with_suffix(".yaml")
     if not path.is_file():
-        there = ", ".join(sorted(one.name for one in folder.iterdir() if one.is_file()))
+        there = ", ".join(sorted(file.name for file in folder.iterdir() if file.is_file()))
         raise ConfigurationError(
             f"{path}: no such file of the machine (it has {there}); write it there, or name "
             f"another one"
         )
     return path
+
+
+# Tables with an entry for each joint of a machine, as files hold them.
+
+Entry = TypeVar("Entry")
+
+
+def of_every_joint(
+    table: Mapping[str, Entry], joints: Sequence[str], where: str
+) -> dict[str, Entry]:
+    """`table` in the order of a machine's `joints`; `where` it stands is for errors: file and key.
+
+    `ConfigurationError` if a joint has no entry, or an entry is of no joint of the machine.
+    """
+    missing = [joint for joint in joints if joint not in table]
+    unknown = [joint for joint in table if joint not in joints]
+    problems = [f"no entry for {', '.join(missing)}"] * bool(missing)
+    problems += [f"no joint {', '.join(unknown)}"] * bool(unknown)
+    if problems:
+        raise ConfigurationError(
+            f"{where}: {' and '.join(problems)}; the machine has the joints {', '.join(joints)}"
+        )
+    return {joint: table[joint] for joint in joints}

@@ -14,7 +14,7 @@ import crane_machines
 from crane_model.array import Array
 from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics.values import HydraulicValues
+from crane_model.hydraulics import HydraulicValues
 from crane_model.machine import Machine, load_machine
 from crane_model.motion_columns import MotionColumn, fill
 from crane_model.record import Record
@@ -24,7 +24,23 @@ from crane_model.terms.term import Setting
 
 @dataclass(frozen=True)
 class Model:
-    """tau = sum of terms (16): its regressor Phi (28) and, once estimated, its Theta."""
+    """tau = sum of terms (16): its regressor Phi (28) and, once estimated, its Theta.
+
+    Parameters
+    ----------
+    name
+        What messages call it.
+    setting
+        The joints with their units, and the machine.
+    terms
+        Summands of the generalized force.
+    values, std_devs
+        (p,) Theta and its standard deviations, in the order and units of `parameters`.
+    provenance
+        Where the values come from.
+    hydraulics
+        Of the machine, if they were identified.
+    """
 
     name: str
     setting: Setting
@@ -76,7 +92,7 @@ class Model:
     def whole_terms(self) -> tuple[tuple[Term, slice], ...]:
         """The terms that have no `motion_columns`, with their columns of Phi."""
         every = zip(self.terms, self._parts, strict=True)
-        return tuple(each for each in every if not each[0].motion_columns(self.setting))
+        return tuple(pair for pair in every if not pair[0].motion_columns(self.setting))
 
     @cached_property
     def motion_columns(self) -> tuple[MotionColumn, ...]:
@@ -114,9 +130,9 @@ class Model:
 
         Where a joint stands, (13) is set-valued: the force is anything in between.
         """
-        one = np.ones_like(record.position)
-        up = self.predict(replace(record, direction_known=one))
-        down = self.predict(replace(record, direction_known=-one))
+        ahead = np.ones_like(record.position)
+        up = self.predict(replace(record, direction_known=ahead))
+        down = self.predict(replace(record, direction_known=-ahead))
         return np.minimum(up, down), np.maximum(up, down)
 
     def gravity(self, record: Record) -> Array:
@@ -153,7 +169,7 @@ class Model:
 
     def without_term(self, term: Term) -> Self:
         """The model without one of its terms, and without values."""
-        return self._of(tuple(one for one in self.terms if one != term))
+        return self._of(tuple(kept for kept in self.terms if kept != term))
 
     def of_machine(self) -> Self:
         """The model, with its values, without what single recordings carried."""
@@ -198,11 +214,25 @@ class _ModelFile(Schema):
 
 
 def load_model(path: Path | str) -> Model:
-    """Read a model file; `ConfigurationError` names file, key and what is wrong.
+    """Read a model file.
 
-    `machine` is a machine file beside the model file, the machine itself, the name of one that
-    ships with the suite, or absent for a machine without linkages.
+    Parameters
+    ----------
+    path
+        The file. Its `machine` is a machine file beside it, the machine itself, the name of a
+        machine that ships with the suite, or absent for a machine without linkages.
 
+    Returns
+    -------
+    The model, with values and hydraulics if the file has them.
+
+    Raises
+    ------
+    ConfigurationError
+        Names file, key and what is wrong.
+
+    Examples
+    --------
     >>> from crane_model.machine_files import machine_file
     >>> model = load_model(machine_file("model.yaml"))
     >>> model.joints
@@ -228,7 +258,6 @@ def load_model(path: Path | str) -> Model:
     if content.estimate is None:
         return model
     given = [(p.name, p.unit) for p in content.estimate.parameters]
-    _check_former(model, [name for name, _ in given], path)
     if given != names:
         raise ConfigurationError(
             f"{path}: key 'estimate.parameters': must list {_listed(names)} in this order, "
@@ -244,8 +273,20 @@ def load_model(path: Path | str) -> Model:
 def save_model(path: Path | str, model: Model) -> None:
     """Write a model file that `load_model` reads back; it carries its machine with it.
 
-    `ConfigurationError` if a value or standard deviation is not finite.
+    Parameters
+    ----------
+    path
+        File to write, or to write over.
+    model
+        The model, estimated or not.
 
+    Raises
+    ------
+    ConfigurationError
+        If a value or standard deviation is not finite.
+
+    Examples
+    --------
     >>> from crane_model.terms.single_axis import Inertia
     >>> axis = Model("axis", Setting({"axis": "rad"}, None), (Inertia(joint="axis"),))
     >>> save_model("axis.yaml", axis.with_estimate(np.array([2.5]), np.array([0.1]), "by hand"))
@@ -295,19 +336,6 @@ def _check_hydraulics(model: Model, path: Path) -> None:
             f"{path}: key 'hydraulics.joints': {', '.join(unknown)}: no joint of the machine; "
             f"it has {', '.join(there)}"
         )
-
-
-def _check_former(model: Model, given: Sequence[str], path: Path) -> None:
-    """That no value is of a law that a term had once."""
-    for term in model.terms:
-        for symbol, instead in term.former.items():
-            name = symbol if term.only_joint is None else f"{symbol}.{term.only_joint}"
-            if name in given:
-                raise ConfigurationError(
-                    f"{path}: key 'estimate.parameters': {name} is of an earlier law of term "
-                    f"'{term.type}': {instead}; delete 'estimate' and fit the model anew with "
-                    "identify"
-                )
 
 
 def _units(joints: Mapping[str, str]) -> str:

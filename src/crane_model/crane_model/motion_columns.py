@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from crane_model.array import Array
 from crane_model.record import Record, column_of
 
-BLOCK = 16  # samples: their part of a regressor fits the fastest memory
+BLOCK_SAMPLES = 16  # their part of a regressor fits the fastest memory
 
 
 class MotionQuantity(IntEnum):
@@ -54,13 +54,13 @@ class ColumnTable(NamedTuple):
 @lru_cache(maxsize=256)
 def table(columns: tuple[MotionColumn, ...], joints: tuple[str, ...]) -> ColumnTable:
     """For samples of these joints; `DataError` if one is missing."""
-    at = [column_of(joints, one.joint) for one in columns]
-    places = [one.quantity * len(joints) + j for one, j in zip(columns, at, strict=True)]
+    at = [column_of(joints, column.joint) for column in columns]
+    places = [column.quantity * len(joints) + j for column, j in zip(columns, at, strict=True)]
     return ColumnTable(
-        np.array([column_of(joints, one.row) for one in columns], np.uint64),
-        np.array([one.parameter for one in columns], np.uint64),
+        np.array([column_of(joints, column.row) for column in columns], np.uint64),
+        np.array([column.parameter for column in columns], np.uint64),
         np.array(places, np.uint64),
-        np.array([one.factor for one in columns], float),
+        np.array([column.factor for column in columns], float),
     )
 
 
@@ -82,7 +82,7 @@ def fill(
 ) -> None:
     """Add the columns to `out` (n, j, p); `smooth`: in q', where the record's direction is."""
     motion = record.velocity, record.acceleration, record.direction
-    v, a, direction = (np.ascontiguousarray(each, dtype=float) for each in motion)
+    v, a, direction = (np.ascontiguousarray(values, dtype=float) for values in motion)
     _fill(table(columns, record.joints), v, a, direction, smooth, out)
 
 
@@ -90,9 +90,9 @@ def fill(
 def _fill(
     table: ColumnTable, v: Array, a: Array, direction: Array, smooth: bool, out: Array
 ) -> None:
-    quantities = np.empty((5 * v.shape[1], BLOCK))
-    for begin in range(0, len(v), BLOCK):
-        some = slice(begin, min(begin + BLOCK, len(v)))
+    quantities = np.empty((5 * v.shape[1], BLOCK_SAMPLES))
+    for begin in range(0, len(v), BLOCK_SAMPLES):
+        some = slice(begin, min(begin + BLOCK_SAMPLES, len(v)))
         _set_quantities(v[some], a[some], direction[some], smooth, quantities)
         for c in range(len(table.factors)):
             factor, values = table.factors[c], quantities[table.places[c]]
@@ -112,10 +112,10 @@ def pull_back(
     with weights (n, j, p); `steepness` (n, j) is that of the record's direction over q'.
     """
     _, by_velocity, by_acceleration = slopes
-    for one in columns:
-        j = record.column(one.joint)
-        given = weight[:, record.column(one.row), one.parameter] * one.factor
-        match one.quantity:
+    for column in columns:
+        j = record.column(column.joint)
+        given = weight[:, record.column(column.row), column.parameter] * column.factor
+        match column.quantity:
             case MotionQuantity.DIRECTION:
                 by_velocity[:, j] += given * steepness[:, j]
             case MotionQuantity.VELOCITY:

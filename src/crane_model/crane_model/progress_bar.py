@@ -7,8 +7,6 @@ from typing import Any
 
 from tqdm import tqdm
 
-# How long computations tell their caller where they are, without printing.
-
 Progress = Callable[[str, float], None]
 """Called with the name of the phase and the share of it that is done, 0 to 1."""
 
@@ -17,8 +15,8 @@ def silent(phase: str, done: float) -> None:
     """Tell nobody."""
 
 
-PATIENCE = 2.0  # s before a bar appears
-BETWEEN_LINES = 10.0  # s
+BAR_AFTER_S = 2.0  # before a bar appears
+LINE_INTERVAL_S = 10.0
 BAR = " |{bar}|"
 FORM = "{desc}: {percentage:3.0f} %" + BAR + " {elapsed} < {remaining}"
 
@@ -28,7 +26,7 @@ def progress_bar(
     total: float | None = None,
     over: Iterable[Any] | None = None,
     form: str = FORM,
-    patience: float = PATIENCE,
+    patience: float = BAR_AFTER_S,
 ) -> "tqdm[Any]":
     """A bar that `update` moves on towards `total`, or that goes with the items of `over`.
 
@@ -45,7 +43,7 @@ class _Lines(tqdm):  # type: ignore[type-arg]  # it takes none when it runs
     told = time.monotonic()  # when the last line was written, of whatever bar
 
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
-        if self.n and time.monotonic() - _Lines.told >= BETWEEN_LINES:
+        if self.n and time.monotonic() - _Lines.told >= LINE_INTERVAL_S:
             _Lines.told = time.monotonic()
             self.fp.write(f"{self}\n")
             self.fp.flush()

@@ -2,6 +2,7 @@
 
 import json
 import math
+from enum import StrEnum
 from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -75,3 +76,71 @@ class ResultFile(ResultPart):
             ) from None
         except (OSError, ValueError) as error:
             raise DataError(f"{path}: not readable: {error}; write it again") from None
+
+
+# What a diagnosis leaves open, for the design of the experiment that settles it.
+
+
+class QuestionKind(StrEnum):
+    """What is asked."""
+
+    AMBIGUOUS = "ambiguous"
+    NEAREST = "nearest"
+    UNDETERMINED = "undetermined"
+
+
+class OpenMember(ResultPart):
+    """One answer to a question: an effect with the size that the recordings give it."""
+
+    effect: str
+    """Its type."""
+    name: str
+    """What people call it."""
+    joint: str
+    """The joint, or `all`."""
+    term: dict[str, Any]
+    """As in a model file, with its shape."""
+    values: list[float]
+    """Of its parameters [SI]."""
+    separation: Number
+    """Between it and the first member, as these recordings tell them apart; null for that [σ]."""
+    settled_by: str
+    """The experiment that tells it from what looks alike."""
+
+
+class OpenQuestion(ResultPart):
+    """Which of several effects is it; or, of one that is undetermined, is it there at all."""
+
+    kind: QuestionKind
+    """An ambiguity group; what comes nearest where nothing is named; an undetermined term."""
+    members: list[OpenMember]
+    """The answers; a single one where the other is that it is not there."""
+    needed: Number
+    """Separation at which one is ruled out [σ]."""
+    needed_share: Number
+    """The same, over how clearly the effect itself shows: the larger of both counts [-]."""
+
+
+class OpenQuestions(ResultPart):
+    """All that is open, and how well the machine is known."""
+
+    row_rate: Number
+    """Rows of force a second [1/s]."""
+    noise: NumberByJoint
+    """White noise of the force in such a row, which tells as much as that of the recordings
+    [N m, N]."""
+    questions: list[OpenQuestion]
+    """None where nothing is open."""
+
+
+class _Holding(ResultFile):
+    """The part of findings.json that is read here."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    open: OpenQuestions
+
+
+def read_open(path: Path | str) -> OpenQuestions:
+    """What is open by a findings.json; `DataError` if there is none, or none of this version."""
+    return _Holding.read(path).open

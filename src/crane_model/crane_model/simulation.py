@@ -14,8 +14,8 @@ from numba import njit
 
 from crane_model.array import Array
 from crane_model.cylinders import lever_arms
-from crane_model.dry_friction import with_dry_friction
 from crane_model.errors import RangeError
+from crane_model.hydraulics.stepping import with_dry_friction
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Term
@@ -42,18 +42,40 @@ def simulate(
     beside: Mapping[str, Array] | None = None,
     memory: Mapping[Term, Array] | None = None,
 ) -> Simulation:
-    """Move N runs of `model` from a state (N, j), driven by `drive` (T, N, j), T instants apart.
+    """Move N runs of a model from a state (N, j), driven at T instants.
 
-    `drive` holds cylinder forces [N], positive extending, where the model has a machine, and
-    generalized forces where it has none; between instants `period` [s] apart it is interpolated.
-    `beside` holds what else terms of the model ask of a record, by its field there (pressure_a,
-    temperature, ...), (T, N, ...) each. `memory` holds the states (N, s) in which terms with memory
-    begin; without it they begin as at the start of a run.
     Explicit midpoint steps of period / substeps: errors fall with the square of the step while the
     joints slide, and with the step itself where Coulomb friction turns round.
 
-    `RangeError` if the motion leaves the range in which a linkage can be assembled, the drive is
-    not finite, or the mass matrix of the model is not positive definite.
+    Parameters
+    ----------
+    model
+        The model with its values, of j joints.
+    position, velocity
+        (N, j) states in which the runs begin [rad, m; rad/s, m/s].
+    drive
+        (T, N, j) cylinder forces [N], positive extending, if the model has a machine, else
+        generalized forces [N m, N]; interpolated between instants.
+    period
+        Between instants [s].
+    substeps
+        Steps from an instant to the next.
+    beside
+        (T, N, ...) further signals that terms ask of a record, by its field there (pressure_a,
+        temperature, ...).
+    memory
+        (N, s) states in which terms with memory begin; by default as at the start of a run.
+
+    Returns
+    -------
+    Simulation
+        Time, motion and generalized forces at the T instants.
+
+    Raises
+    ------
+    RangeError
+        If the motion leaves the range in which a linkage can be assembled, the drive is not finite,
+        or the mass matrix of the model is not positive definite.
     """
     if not np.isfinite(drive).all():
         raise RangeError(f"simulation of '{model.name}': the drive has samples that are not finite")
@@ -129,7 +151,9 @@ class _Instant:
         self._arms = _lever_arms(model, q)
         self.force = inputs.value(inputs.drive, at) * self._arms
         time = {"time": np.full(len(q), at * inputs.period)}  # unless it is given
-        self._beside = time | {name: inputs.value(each, at) for name, each in inputs.beside.items()}
+        self._beside = time | {
+            name: inputs.value(series, at) for name, series in inputs.beside.items()
+        }
 
     @cached_property
     def record(self) -> Record:

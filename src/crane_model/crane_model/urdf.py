@@ -5,13 +5,13 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from crane_model.array import Array
-from crane_model.frames import roll_pitch_yaw
-from crane_model.inspection.findings import travels
+from crane_model.inspection import travels
+from crane_model.joint import roll_pitch_yaw
 from crane_model.machine import Machine
 
 _ORANGE, _GREY = "0.95 0.45 0.05 1", "0.3 0.3 0.32 1"
 TIP = "tip"
-THICK = 0.06  # of an arm's reach: how thick its first link is drawn
+FIRST_LINK_THICKNESS = 0.06  # of an arm's reach: how thick its first link is drawn
 
 
 def urdf(machine: Machine) -> str:
@@ -24,11 +24,11 @@ def urdf(machine: Machine) -> str:
     ends = [*chain.translation[1:], chain.tip_translation]
     reach = float(sum(np.linalg.norm(end) for end in ends)) or 1.0
     base = ET.SubElement(robot, "link", name="base_link")
-    _bar(base, np.zeros(3), chain.translation[0], THICK * reach, _GREY)
+    _bar(base, np.zeros(3), chain.translation[0], FIRST_LINK_THICKNESS * reach, _GREY)
     parent = "base_link"
     for i, joint in enumerate(machine.joints):
         link = ET.SubElement(robot, "link", name=joint.name)
-        width = THICK * reach * (1.0 - 0.6 * i / len(machine.joints))
+        width = FIRST_LINK_THICKNESS * reach * (1.0 - 0.6 * i / len(machine.joints))
         _bar(link, np.zeros(3), ends[i], width, _GREY if chain.slides[i] else _ORANGE)
         if i + 1 < len(machine.joints) and chain.slides[i + 1]:  # what the next slides in
             along = chain.rotation[i + 1] @ ends[i + 1]
@@ -57,15 +57,15 @@ def _joint(robot: ET.Element, machine: Machine, i: int, parent: str) -> None:
     low, high = sorted((ratio * limits.position_min, ratio * limits.position_max))
     if joint.follows is not None:
         ET.SubElement(element, "mimic", joint=leader, multiplier=repr(ratio))
-    (travel,) = (one for one in travels(machine) if one.joint == leader)
-    strengths = [one for one in (travel.up, travel.down) if one is not None]
+    (travel,) = (found for found in travels(machine) if found.joint == leader)
+    strengths = [force for force in (travel.up, travel.down) if force is not None]
     ET.SubElement(
         element,
         "limit",
         lower=repr(low),
         upper=repr(high),
         velocity=repr(abs(ratio) * max(-limits.velocity_min, limits.velocity_max)),
-        effort=f"{max((np.abs(one).max() for one in strengths), default=0.0):.6g}",
+        effort=f"{max((np.abs(force).max() for force in strengths), default=0.0):.6g}",
     )
 
 

@@ -13,9 +13,9 @@ import yaml
 
 from crane_model.array import Array
 from crane_model.chain import pseudo_inertia
-from crane_model.configuration import LARGEST_FILE
+from crane_model.configuration import MAX_FILE_BYTES
 from crane_model.errors import ConfigurationError
-from crane_model.frames import about, placement, roll_pitch_yaw
+from crane_model.joint import about, placement, roll_pitch_yaw
 
 MISSING = "MISSING"
 HEAD = """\
@@ -37,10 +37,10 @@ PRIOR_HEAD = """\
 # From {source}: the bodies of its links in the frames of the machine file made with it, for
 # identify --prior. Enter as relative_std_dev how well you know each; measure: log_det or gaussian.
 """
-TRUSTED = 0.3  # relative standard deviation of a body, until the user knows better
-UNLIMITED = 1e3
+PRIOR_STD_DEV = 0.3  # relative standard deviation of a body, until the user knows better
+UNLIMITED_POSITION = 1e3
 """Position [rad, m] from which on a limit is none: the URDF needed some number."""
-ROUNDED = 1e-9
+ROUNDING_SHARE = 1e-9
 """Share of the largest second moment by which rounding may make another negative; a body that has
 no more than this is flat."""
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
@@ -88,13 +88,13 @@ def machine_file_from_urdf(path: Path, tip: str | None = None) -> tuple[str, int
     it, and of those to the farthest. `ConfigurationError` if it is no URDF, or has no such arm.
     """
     robot = _read(path)
-    way, tip = _arm(robot, tip, path)
-    root = _link(way[0], "parent", path)
+    arm, tip = _arm(robot, tip, path)
+    root = _link(arm[0], "parent", path)
     name = robot.get("name") or path.stem
     every = {joint.get("name", ""): joint for joint in robot.findall("joint")}
-    led = {one.get("name", ""): _led(one, every, path) for one in way if _moves(one)}
+    led = {joint.get("name", ""): _led(joint, every, path) for joint in arm if _moves(joint)}
     lines, held = ["joints:\n"], np.eye(4)
-    for joint in way:
+    for joint in arm:
         held = held @ _placed(joint, path)
         if _moves(joint):
             lines.append(_entry(joint, held, led, path))
@@ -112,11 +112,11 @@ def bodies_from_urdf(path: Path, tip: str | None = None) -> tuple[LinkBody, ...]
     left out.
     """
     robot = _read(path)
-    way, _ = _arm(robot, tip, path)
+    arm, _ = _arm(robot, tip, path)
     links = {link.get("name", ""): link for link in robot.findall("link")}
     fixed = [joint for joint in robot.findall("joint") if not _moves(joint)]
     out = []
-    for joint in filter(_moves, way):
+    for joint in filter(_moves, arm):
         carried, ten, impossible = [(_link(joint, "child", path), np.eye(4))], np.zeros(10), []
         for link, place in carried:  # it grows on the way
             body = _inertial(links.get(link), place, path)
@@ -125,9 +125,9 @@ def bodies_from_urdf(path: Path, tip: str | None = None) -> tuple[LinkBody, ...]
             else:
                 ten = ten + body
             carried += [
-                (_link(one, "child", path), place @ _placed(one, path))
-                for one in fixed
-                if _link(one, "parent", path) == link
+                (_link(following, "child", path), place @ _placed(following, path))
+                for following in fixed
+                if _link(following, "parent", path) == link
             ]
         names = tuple(link for link, _ in carried)
         out.append(LinkBody(joint.get("name", ""), names, ten, tuple(impossible)))
@@ -147,11 +147,11 @@ def prior_file(bodies: Sequence[LinkBody], source: str) -> str:
         about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         inertia = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
         second = _second_moments(mass, inertia)
-        definite &= bool(second[0] > ROUNDED * second[2])
+        definite &= bool(second[0] > ROUNDING_SHARE * second[2])
         lines.append(
             f"  {body.joint}: {{mass: {mass:.6g}, centre_of_mass: {_list(centre)},\n"
             f"    inertia: {_list(np.diag(inertia))}, products: "
-            f"{_list(inertia[[0, 0, 1], [1, 2, 2]])},\n    relative_std_dev: {TRUSTED}}}\n"
+            f"{_list(inertia[[0, 0, 1], [1, 2, 2]])},\n    relative_std_dev: {PRIOR_STD_DEV}}}\n"
         )
     measure = "log_det" if definite else "gaussian"
     return PRIOR_HEAD.format(source=source) + f"measure: {measure}\nbodies:\n" + "".join(lines)
@@ -176,7 +176,7 @@ def _inertial(link: ET.Element | None, place: Array, path: Path) -> Array | Impo
     if kilograms == 0.0 and not tensor.any():
         return np.zeros(10)
     second = _second_moments(kilograms, tensor)
-    if not (kilograms > 0.0 and second[0] >= -ROUNDED * second[2]):
+    if not (kilograms > 0.0 and second[0] >= -ROUNDING_SHARE * second[2]):
         return ImpossibleBody(name, kilograms, np.linalg.eigvalsh(tensor))
     turn = placed[:3, :3]
     return _ten(kilograms, placed[:3, 3], turn @ tensor @ turn.T)
@@ -198,15 +198,17 @@ def _arm(robot: ET.Element, tip: str | None, path: Path) -> tuple[list[ET.Elemen
     """The joints from the root to the tip, and the tip."""
     joints = {_link(joint, "child", path): joint for joint in robot.findall("joint")}
     links = [link.get("name", "") for link in robot.findall("link")]
-    ways = {link: _way(joints, link, path) for link in links}
+    arms = {link: _way(joints, link, path) for link in links}
     if tip is None:
-        tip = max(links, key=lambda one: (sum(map(_moves, ways[one])), len(ways[one])), default="")
-    if tip not in ways or not any(map(_moves, ways[tip])):
-        able = [link for link, way in ways.items() if any(map(_moves, way))]
+        tip = max(
+            links, key=lambda link: (sum(map(_moves, arms[link])), len(arms[link])), default=""
+        )
+    if tip not in arms or not any(map(_moves, arms[tip])):
+        able = [link for link, arm in arms.items() if any(map(_moves, arm))]
         raise ConfigurationError(
             f"{path}: no joint moves link '{tip}'; name one of {', '.join(able) or 'none'} by --tip"
         )
-    return ways[tip], tip
+    return arms[tip], tip
 
 
 def _led(
@@ -266,7 +268,9 @@ def _limits(joint: ET.Element, marks: list[str], path: Path) -> str:
             f"range of positions, whose limits are swapped (lower {low:g}, upper {high:g})"
         )
         low, high = high, low
-    given = joint.get("type") != "continuous" and -UNLIMITED < low < high < UNLIMITED
+    given = (
+        joint.get("type") != "continuous" and -UNLIMITED_POSITION < low < high < UNLIMITED_POSITION
+    )
     if not given:
         low, high = (-np.pi, np.pi) if turns else (0.0, 1.0)
     if not given or (low, high) == (-np.pi, np.pi):
@@ -281,8 +285,8 @@ def _limits(joint: ET.Element, marks: list[str], path: Path) -> str:
 
 def _read(path: Path) -> ET.Element:
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ConfigurationError(f"{path}: must have at most {LARGEST_FILE} bytes")
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise ConfigurationError(f"{path}: must have at most {MAX_FILE_BYTES} bytes")
         text = path.read_text(encoding="utf-8")
         if "<!ENTITY" in text:
             raise ConfigurationError(f"{path}: entities are not read; write it out first")
@@ -294,10 +298,17 @@ def _read(path: Path) -> ET.Element:
             raise _not_expanded(path) from None
         raise ConfigurationError(f"{path}: not valid XML: {error}") from None
     read = [
-        one for kind in ("link", "joint") for each in robot.findall(kind) for one in each.iter()
+        inner
+        for kind in ("link", "joint")
+        for element in robot.findall(kind)
+        for inner in element.iter()
     ]
-    if any("xacro}" in one.tag for one in robot.iter() if isinstance(one.tag, str)) or any(
-        "${" in value or "$(" in value for one in (robot, *read) for value in one.attrib.values()
+    if any(
+        "xacro}" in element.tag for element in robot.iter() if isinstance(element.tag, str)
+    ) or any(
+        "${" in value or "$(" in value
+        for element in (robot, *read)
+        for value in element.attrib.values()
     ):
         raise _not_expanded(path)
     if robot.tag != "robot":
@@ -318,13 +329,13 @@ def _not_expanded(path: Path) -> ConfigurationError:
 
 def _way(joints: dict[str, ET.Element], link: str, path: Path) -> list[ET.Element]:
     """The joints from the root to a link."""
-    way: list[ET.Element] = []
+    arm: list[ET.Element] = []
     while link in joints:
-        way.insert(0, joints[link])
+        arm.insert(0, joints[link])
         link = _link(joints[link], "parent", path)
-        if len(way) > len(joints):
+        if len(arm) > len(joints):
             raise ConfigurationError(f"{path}: the joints at link '{link}' go round in a circle")
-    return way
+    return arm
 
 
 def _link(joint: ET.Element, which: str, path: Path) -> str:

@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from crane_interfaces.msg import DriverState
 from crane_model.errors import CraneError
-from crane_nodes.scheduling import PATIENCE_S
+from crane_nodes.this_computer import PATIENCE_S
 
 STATE_TOPIC = "driver/state"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -85,10 +85,21 @@ class DriverWatch:
 
 
 class DriverClient(DriverWatch):
-    """The driver's services as well.
+    """The state of the driver of a node's namespace, and its services.
 
-    Requests give the Trigger.Response to come, and raise `NoDriverError` where there is not one
-    driver to be asked.
+    `enable`, `disable` and `reset_fault` return a future with the Trigger.Response.
+
+    Parameters
+    ----------
+    node
+        Node in whose namespace and thread it listens.
+    told
+        Called with every state that the driver tells.
+
+    Raises
+    ------
+    NoDriverError
+        By each request, if there is not exactly one driver to ask.
     """
 
     def __init__(self, node: Node, told: Callable[[DriverState], None] = lambda state: None):
@@ -97,28 +108,25 @@ class DriverClient(DriverWatch):
 
     @property
     def ready(self) -> bool:
-        """Whether there is one driver and its services are there."""
+        """Return whether there is one driver and its services are there."""
         services = self._services.get(self.state.node, {})
-        return bool(services) and all(one.service_is_ready() for one in services.values())
+        return bool(services) and all(client.service_is_ready() for client in services.values())
 
     def enable(self) -> Future:
-        """Let commands through."""
         return self._ask("enable")
 
     def disable(self) -> Future:
-        """Ramp to neutral."""
         return self._ask("disable")
 
     def reset_fault(self) -> Future:
-        """Forget the faults that are latched."""
         return self._ask("reset_fault")
 
     def stop(self) -> list[Future]:
         """Emergency stop: neutral at once, latched; of every driver that was ever heard."""
         if not self._services:
             raise NoDriverError(self.problem)
-        stops = [one["emergency_stop"] for one in self._services.values()]
-        return [one.call_async(Trigger.Request()) for one in stops]
+        stops = [clients["emergency_stop"] for clients in self._services.values()]
+        return [client.call_async(Trigger.Request()) for client in stops]
 
     def _ask(self, service: str) -> Future:
         if not self._services or len(self._heard()) > 1:
@@ -132,6 +140,7 @@ class DriverClient(DriverWatch):
         driver = message.node
         if driver not in self._services:
             self._services[driver] = {
-                one: self._node.create_client(Trigger, f"{driver}/{one}") for one in SERVICES
+                service: self._node.create_client(Trigger, f"{driver}/{service}")
+                for service in SERVICES
             }
         super()._receive(message)

@@ -2,20 +2,23 @@
 
 rclpy builds a new wait set for each wait and a coroutine for each callback: with the 45 entities
 of a driver, ten times the processor time of the wait itself. Here the entities are collected when
-one is created or destroyed, and a plain callback is simply called.
+one is created or destroyed, and a plain callback is simply called. Messages of a `Polled` topic are
+taken from its queue now and then, without the executor.
 """
 
 import inspect
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
+from rclpy.callback_groups import CallbackGroup
 from rclpy.client import Client
 from rclpy.event_handler import EventHandler
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor, TimeoutObject
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.task import Future
@@ -46,7 +49,6 @@ class KeptExecutor(SingleThreadedExecutor):
         return bool(super().add_node(node))
 
     def remove_node(self, node: Node) -> None:
-        """Serve a node no longer."""
         self._changed = True
         super().remove_node(node)
 
@@ -110,8 +112,8 @@ class KeptExecutor(SingleThreadedExecutor):
 
         def served(kind: Callable[[Node], Any]) -> list[Any]:
             """Those that their callback group does not hold back for good, as it does `Polled`."""
-            found = [one for node in nodes for one in kind(node)]
-            return [one for one in found if one.callback_group.can_execute(one)]
+            found = [entity for node in nodes for entity in kind(node)]
+            return [entity for entity in found if entity.callback_group.can_execute(entity)]
 
         self._subscriptions: list[Subscription] = served(lambda node: node.subscriptions)
         self._timers: list[Timer] = served(lambda node: node.timers)
@@ -121,23 +123,25 @@ class KeptExecutor(SingleThreadedExecutor):
         self._guards += [self._guard, self._sigint_gc]
         waitables = served(lambda node: node.waitables)
         self._events: list[EventHandler] = [
-            one for one in waitables if isinstance(one, EventHandler)
+            waitable for waitable in waitables if isinstance(waitable, EventHandler)
         ]
-        self._waitables: list[Waitable] = [one for one in waitables if one not in self._events]
-        count = [one.get_num_entities() for one in waitables]
+        self._waitables: list[Waitable] = [
+            waitable for waitable in waitables if waitable not in self._events
+        ]
+        count = [waitable.get_num_entities() for waitable in waitables]
         self._wait_set = rclpy_implementation.WaitSet(
-            len(self._subscriptions) + sum(one.num_subscriptions for one in count),
-            len(self._guards) + sum(one.num_guard_conditions for one in count),
-            len(self._timers) + sum(one.num_timers for one in count),
-            len(self._clients) + sum(one.num_clients for one in count),
-            len(self._services) + sum(one.num_services for one in count),
-            sum(one.num_events for one in count),
+            len(self._subscriptions) + sum(counted.num_subscriptions for counted in count),
+            len(self._guards) + sum(counted.num_guard_conditions for counted in count),
+            len(self._timers) + sum(counted.num_timers for counted in count),
+            len(self._clients) + sum(counted.num_clients for counted in count),
+            len(self._services) + sum(counted.num_services for counted in count),
+            sum(counted.num_events for counted in count),
             self._context.handle,
         )
 
     def _serve(self, wait_set: Any) -> None:
         waitables = [*self._waitables, *(self._events if self._with_events else ())]
-        ready = [one for one in waitables if one.is_ready(wait_set)]
+        ready = [waitable for waitable in waitables if waitable.is_ready(wait_set)]
         guards = wait_set.get_ready_entities("guard_condition")
         subscriptions = wait_set.get_ready_entities("subscription")
         clients = wait_set.get_ready_entities("client")
@@ -155,9 +159,9 @@ class KeptExecutor(SingleThreadedExecutor):
                 if guard.callback and guard.handle.pointer in guards:
                     self._call(guard.callback)
         if subscriptions:
-            for one in self._subscriptions:
-                if one.handle.pointer in subscriptions:
-                    self._take_message(one)
+            for subscription in self._subscriptions:
+                if subscription.handle.pointer in subscriptions:
+                    self._take_message(subscription)
         if services or clients:
             for service in self._services:
                 if service.handle.pointer in services:
@@ -204,4 +208,46 @@ class KeptExecutor(SingleThreadedExecutor):
 
     def _forget_ended(self) -> None:
         with self._tasks_lock:
-            self._tasks = [one for one in self._tasks if not (one[0].done() or one[0].cancelled())]
+            self._tasks = [
+                task for task in self._tasks if not (task[0].done() or task[0].cancelled())
+            ]
+
+
+class _Alone(CallbackGroup):
+    """What the executor leaves alone."""
+
+    def can_execute(self, entity: object) -> bool:
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        pass
+
+
+class Polled:
+    """One topic. A callback through the executor costs 0.3 ms a message, taking a message from the
+    queue of its subscription a hundredth of that. The time of reception is stamped by the
+    middleware, so that nothing is lost by coming for it later, as long as the queue holds it.
+    """
+
+    def __init__(
+        self, node: Node, msgtype: type[Any], topic: str, qos: QoSProfile, raw: bool = False
+    ):
+        """raw: the messages are taken as they were serialized."""
+        self._node, self._msgtype, self._depth, self._raw = node, msgtype, qos.depth, raw
+        never: Callable[[Any], None] = lambda message: None  # noqa: E731
+        self._subscription: Subscription = node.create_subscription(
+            msgtype, topic, never, qos, callback_group=_Alone(), raw=raw
+        )
+
+    def take(self) -> Iterator[tuple[Any, dict[str, Any]]]:
+        """What has come since the last call, at most a queue full, with what is known of it."""
+        for _ in range(self._depth):
+            if (taken := self._subscription.handle.take_message(self._msgtype, self._raw)) is None:
+                break
+            yield taken
+
+    def close(self) -> None:
+        self._node.destroy_subscription(self._subscription)

@@ -1,4 +1,4 @@
-"""What nodes and operators need to know of each joint of a machine: its `joints.yaml`."""
+"""Notes on each joint of a machine, for nodes and operators: its `joints.yaml`."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, RootModel
 
 from crane_model.configuration import Positive, Schema, load
-from crane_model.joint_tables import of_every_joint
+from crane_model.machine_files import of_every_joint
 
 
 class JointNote(Schema):

@@ -1,4 +1,4 @@
-"""What the launch files of the suite have in common. It needs `launch` of ROS; no node does."""
+"""Common parts of the launch files. It needs `launch` of ROS; no node does."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -62,7 +62,9 @@ def node(
                 name=executable,  # so that `values` go before what the file says of this name
                 namespace=given("namespace"),
                 prefix=given("prefix") or None,  # None: that of `ros2 launch --launch-prefix`
-                parameters=[one for one in (given("parameters"), values) if one],
+                parameters=[
+                    values_given for values_given in (given("parameters"), values) if values_given
+                ],
                 arguments=arguments,
                 ros_arguments=[*log_level, *enclave] or None,
                 output="screen",

@@ -1,4 +1,4 @@
-"""The life of a node as a process: its command line, its context, its end."""
+"""Names and life of a node as a process: its command line, its context, its end."""
 
 import argparse
 import gc
@@ -6,7 +6,8 @@ import signal
 import sys
 import textwrap
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
@@ -15,6 +16,7 @@ import rclpy
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import remove_ros_args
 
 from crane_model.cli import command_line, run
@@ -22,9 +24,56 @@ from crane_model.errors import ConfigurationError
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.parameters import NodeParameter, Switch
 
-# ROS within a `with` block, ended by signals that never cut off what is being closed.
+NAME_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # ROS may find a publisher before the name of its node
+UNNAMED = "a node not known by name yet"
+NAME_LOOKS = 5  # after which a publisher is pointed out without a name
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+PACKAGES_OF_EVERY_NODE = ("lifecycle_msgs", "rcl_interfaces", "type_description_interfaces")
+
+HELP_WIDTH = 98
+SIMULATED = "  use_sim_time (default: false)\n      Run on simulated time, which /clock tells"
+
+AUTOSTART = Switch("autostart", True, "Configure and activate the node when it starts")
+"""To be declared by every managed node."""
+WAKE_PERIOD_S = 0.1  # a signal is seen after at most this
+ANSWER_TIME_S = 0.2  # after the shutdown, in which those who wait for its end are answered
+
+
+def full_name(node: Node) -> str:
+    """Namespace and name, without the leading slash: `left/driver`, or `driver` in the root.
+
+    So begin the names of statuses on /diagnostics, a topic that all nodes of a domain share.
+    """
+    return node.get_fully_qualified_name().lstrip("/")
+
+
+class NameLooks:
+    """Looks at publishers that are pointed out once: their names follow, as a rule."""
+
+    def __init__(self) -> None:
+        self._unnamed: Counter[str] = Counter()  # looks, by topic
+
+    def suffice(self, topic: str, names: Collection[str]) -> bool:
+        """Return whether to point out `names` at this look: they are known, or for long not."""
+        if UNNAMED not in names or self._unnamed[topic] >= NAME_LOOKS:
+            return True
+        self._unnamed[topic] += 1
+        return False
+
+
+def publishers(node: Node, topic: str) -> list[str]:
+    """Full names of the nodes that publish on a topic, each once, in order."""
+    return node_names(node.get_publishers_info_by_topic(topic))
+
+
+def node_names(endpoints: Iterable[TopicEndpointInfo]) -> list[str]:
+    """Full names of the nodes of publishers, each once, in order; `UNNAMED` last."""
+    found = {(endpoint.node_namespace, endpoint.node_name) for endpoint in endpoints}
+    known = sorted(f"{space}/{name}".lstrip("/") for space, name in found if name != NAME_UNKNOWN)
+    unnamed = any(name == NAME_UNKNOWN for _, name in found)
+    return [*known, UNNAMED] if unnamed else known
 
 
 class Stop:
@@ -33,15 +82,24 @@ class Stop:
     requested = False
 
     def request(self, _number: int, _frame: FrameType | None) -> None:
-        """The handler of the signals."""
         self.requested = True
 
 
 @contextmanager
 def ros(argv: Sequence[str]) -> Iterator[Stop]:
-    """ROS within the `with` block, where SIGINT, SIGTERM and SIGHUP only set what it gives.
+    """Start ROS for a `with` block, in which SIGINT, SIGTERM and SIGHUP only request a stop.
 
     So whatever is being closed is closed to its end, however often Ctrl-C is pressed.
+
+    Parameters
+    ----------
+    argv
+        Arguments of the command line, for example `--ros-args -r __ns:=/left`.
+
+    Yields
+    ------
+    Stop
+        Tells by `requested` whether a signal came.
     """
     stop = Stop()
     previous = {number: signal.signal(number, stop.request) for number in SIGNALS}
@@ -54,20 +112,17 @@ def ros(argv: Sequence[str]) -> Iterator[Stop]:
             signal.signal(number, handler)
 
 
-# The line by which a node says that it works.
-
-OF_EVERY_NODE = ("lifecycle_msgs", "rcl_interfaces", "type_description_interfaces")
-
-
 def say_ready(node: Node, *actions: str) -> None:
     """Log `ready: listens to ...; publishes ...; serves ...`, with full names.
 
     Whoever waits for a node, or reads its log, needs to know this line alone. `actions` are served
     beside the services of the node; what every node has is left out.
     """
-    listened = [(one.msg_type, one.topic_name) for one in node.subscriptions]
-    published = [(one.msg_type, one.topic_name) for one in node.publishers]
-    served = [(one.srv_type, one.service_name) for one in node.services]
+    listened = [
+        (subscription.msg_type, subscription.topic_name) for subscription in node.subscriptions
+    ]
+    published = [(publisher.msg_type, publisher.topic_name) for publisher in node.publishers]
+    served = [(service.srv_type, service.service_name) for service in node.services]
     parts = {
         "listens to": _own(listened),
         "publishes": _own(published),
@@ -83,13 +138,7 @@ def _own(entities: Iterable[tuple[Any, str]]) -> list[str]:
 
 
 def _of_every_node(kind: type[Any]) -> bool:
-    return kind.__module__.partition(".")[0] in OF_EVERY_NODE
-
-
-# The command line of a node that is told everything by its parameters.
-
-WIDTH = 98
-SIMULATED = "  use_sim_time (default: false)\n      Run on simulated time, which /clock tells"
+    return kind.__module__.partition(".")[0] in PACKAGES_OF_EVERY_NODE
 
 
 def check_arguments(
@@ -129,7 +178,7 @@ def ros_arguments(argv: Sequence[str]) -> list[str]:
 
 def _entry(parameter: NodeParameter) -> str:
     text = textwrap.fill(
-        parameter.description, WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6
+        parameter.description, HELP_WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6
     )
     return f"  {parameter.name} (default: {_shown(parameter.default)})\n{text}"
 
@@ -141,15 +190,6 @@ def _shown(default: str | bool | float | tuple[float, ...]) -> str:
     return str(list(default)) if isinstance(default, tuple) else str(default) or "empty"
 
 
-# The life of a managed node as a process: started by itself or by others, shut down in order.
-
-AUTOSTART = Switch("autostart", True, "Configure and activate the node when it starts")
-"""To be declared by every managed node."""
-
-WAKE_PERIOD_S = 0.1  # a signal is seen after at most this
-ANSWER_TIME_S = 0.2  # after the shutdown, in which those who wait for its end are answered
-
-
 def run_managed(
     name: str,
     make: Callable[[], LifecycleNode],
@@ -157,11 +197,27 @@ def run_managed(
     parameters: Sequence[NodeParameter],
     argv: Sequence[str] | None,
 ) -> int:
-    """Run the node that `make` makes until a signal asks it to stop; the exit status.
+    """Run a managed node until a signal asks it to stop.
 
     Whatever ends it, its shutdown transition runs while ROS is still there, so that the node can
-    bring to an end what it has begun. Status 1 where it does not start. `--help` tells what it is
-    `about` and its `parameters`; other arguments than those of ROS are refused with status 2.
+    bring to an end what it has begun.
+
+    Parameters
+    ----------
+    name
+        Name of the command.
+    make
+        Makes the node.
+    about, parameters
+        Text and parameters that `--help` shows.
+    argv
+        Arguments of the command line; None: those of the process. Others than those of ROS are
+        refused with status 2.
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 1 if the node does not start.
     """
     given = sys.argv[1:] if argv is None else argv
     check_arguments(name, about, parameters, given)

@@ -12,9 +12,14 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
 from crane_bags.clocks import NANOSECONDS, TimeBack
-from crane_nodes.scheduling import PATIENCE_S
+from crane_nodes.this_computer import PATIENCE_S
 
-# Stamps of messages as whole numbers, and back.
+CLOCK_TOPIC = "clock"  # of the namespace: each simulated crane has its own time
+TAKEN_TOPIC = "lock_step"
+NEWEST_TICK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+REAL_DEPTH, SIMULATED_DEPTH = 10, 1000  # messages
+CLOCK_PROFILE = QoSProfile(depth=SIMULATED_DEPTH)
+TAKEN_PROFILE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def nanoseconds(stamp: Time) -> int:
@@ -26,14 +31,6 @@ def stamp_of(time: int) -> Time:
     """The stamp of a time in nanoseconds."""
     seconds, nanosec = divmod(time, NANOSECONDS)
     return Time(sec=seconds, nanosec=nanosec)
-
-
-CLOCK_TOPIC = "clock"  # of the namespace: each simulated crane has its own time
-TAKEN_TOPIC = "lock_step"
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-REAL_DEPTH, SIMULATED_DEPTH = 10, 1000  # messages
-CLOCK = QoSProfile(depth=SIMULATED_DEPTH)
-TAKEN = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class NodeTime:
@@ -60,7 +57,7 @@ class NodeTime:
     def listen(self) -> None:
         """Subscribe to the clock of the namespace; the driver, which publishes it, does not."""
         if self.simulated:
-            self._node.create_subscription(Clock, CLOCK_TOPIC, self.tell, NEWEST)
+            self._node.create_subscription(Clock, CLOCK_TOPIC, self.tell, NEWEST_TICK)
 
     def tell(self, message: Clock) -> None:
         """Take the time that a message of `/clock` tells."""
@@ -88,7 +85,6 @@ class NodeTime:
         return time_of_message / NANOSECONDS
 
     def stamp(self) -> Time:
-        """Stamp of what is sent now."""
         if self.simulated:
             return stamp_of(self._newest)
         return self._node.get_clock().now().to_msg()
@@ -117,7 +113,7 @@ class Pacing:
         self._ahead, self._told = round(ahead * NANOSECONDS), -NANOSECONDS
         self._name = node.get_fully_qualified_name()
         self._publisher: Any = (
-            node.create_publisher(Header, TAKEN_TOPIC, TAKEN) if clock.simulated else None
+            node.create_publisher(Header, TAKEN_TOPIC, TAKEN_PROFILE) if clock.simulated else None
         )
         self.taken()  # from now on this node is waited for
 
@@ -132,7 +128,6 @@ class Pacing:
         self._publisher.publish(Header(stamp=stamp_of(now + self._ahead), frame_id=self._name))
 
     def close(self) -> None:
-        """Be waited for no more."""
         if self._publisher is not None:
             self._node.destroy_publisher(self._publisher)
             self._publisher = None

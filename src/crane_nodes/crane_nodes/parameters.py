@@ -7,7 +7,7 @@ The range of a number stands with it alone: ROS, `--help` and the checks have it
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -19,14 +19,18 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from crane_model.errors import ConfigurationError
+from crane_model.machine_files import DEFAULT_MACHINE
+
+if TYPE_CHECKING:  # large, and the recorder needs no machine
+    from crane_model.machine import Machine
+
+Value = TypeVar("Value")
 
 
-@dataclass(frozen=True)
-class Text:
-    """A parameter that is a piece of text."""
+class _Checked(Generic[Value]):
+    """What all kinds of parameters have in common."""
 
     name: str
-    default: str
     meaning: str
 
     @property
@@ -34,36 +38,70 @@ class Text:
         """What `ros2 param describe` shows."""
         return self.meaning
 
-    def read(self, node: Node) -> str:
-        """The value; `ConfigurationError` if it is not text."""
+    def read(self, node: Node) -> Value:
+        """Value that the parameter has in `node`; `ConfigurationError` if `check` refuses it."""
         return self.check(node.get_parameter(self.name).value)
 
-    def check(self, value: Any) -> str:
+    def check(self, value: Any) -> Value:
         """`value` if it may be given for the parameter, else `ConfigurationError`."""
+        raise NotImplementedError
+
+
+class _InRange(_Checked[Value]):
+    unit: str
+    lowest: float
+    highest: float
+
+    @property
+    def description(self) -> str:
+        return f"{self.meaning}. Unit: {self.unit}, range: [{self.lowest:g} - {self.highest:g}]"
+
+
+@dataclass(frozen=True)
+class Text(_Checked[str]):
+    """A parameter that is a piece of text.
+
+    Parameters
+    ----------
+    name, default, meaning
+        Name and default value of the parameter, and what it means in a few words.
+
+    Examples
+    --------
+    >>> Text("name", "", "of the crane").check("left")
+    'left'
+    """
+
+    name: str
+    default: str
+    meaning: str
+
+    def check(self, value: Any) -> str:
         if not isinstance(value, str):
             raise ConfigurationError(f"parameter '{self.name}': must be text, got {value!r}")
         return value
 
 
 @dataclass(frozen=True)
-class Switch:
-    """A parameter that is true or false."""
+class Switch(_Checked[bool]):
+    """A parameter that is true or false.
+
+    Parameters
+    ----------
+    name, default, meaning
+        Name and default value of the parameter, and what it means in a few words.
+
+    Examples
+    --------
+    >>> Switch("loud", False, "whether it is heard").check(True)
+    True
+    """
 
     name: str
     default: bool
     meaning: str
 
-    @property
-    def description(self) -> str:
-        """What `ros2 param describe` shows."""
-        return self.meaning
-
-    def read(self, node: Node) -> bool:
-        """The value; `ConfigurationError` if it is neither true nor false."""
-        return self.check(node.get_parameter(self.name).value)
-
     def check(self, value: Any) -> bool:
-        """`value` if it may be given for the parameter, else `ConfigurationError`."""
         if not isinstance(value, bool):
             raise ConfigurationError(
                 f"parameter '{self.name}': must be true or false, got {value!r}"
@@ -72,8 +110,30 @@ class Switch:
 
 
 @dataclass(frozen=True)
-class Number:
-    """A parameter that is a number of a unit within [lowest, highest], a whole one if so said."""
+class Number(_InRange[float]):
+    """A parameter that is a number.
+
+    Parameters
+    ----------
+    name, default
+        Name and default value of the parameter.
+    unit, lowest, highest
+        Unit of the number, and its limits in this unit, which belong to the range.
+    meaning
+        What it means in a few words.
+    whole
+        Whether it must be a whole number.
+
+    Examples
+    --------
+    >>> speed = Number("speed", 0.3, "m/s", 0.0, 1.0, "of the tip")
+    >>> speed.check(1)
+    1.0
+    >>> speed.check(2.0)
+    Traceback (most recent call last):
+    ...
+    crane_model.errors.ConfigurationError: parameter 'speed': must be from 0 to 1 m/s, got 2.0
+    """
 
     name: str
     default: float
@@ -83,17 +143,7 @@ class Number:
     meaning: str
     whole: bool = False
 
-    @property
-    def description(self) -> str:
-        """What `ros2 param describe` shows."""
-        return f"{self.meaning}. Unit: {self.unit}, range: [{self.lowest:g} - {self.highest:g}]"
-
-    def read(self, node: Node) -> float:
-        """The value; `ConfigurationError` if it is no number or out of range."""
-        return self.check(node.get_parameter(self.name).value)
-
     def check(self, value: Any) -> float:
-        """`value` if it may be given for the parameter, else `ConfigurationError`."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ConfigurationError(f"parameter '{self.name}': must be a number, got {value!r}")
         if self.whole and not float(value).is_integer():
@@ -107,8 +157,23 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Numbers:
-    """A parameter that is a list of numbers of a unit, each within [lowest, highest]."""
+class Numbers(_InRange[tuple[float, ...]]):
+    """A parameter that is a list of numbers of one unit, each within the same limits.
+
+    Parameters
+    ----------
+    name, default
+        Name and default values of the parameter.
+    unit, lowest, highest
+        Unit of the numbers, and their limits in this unit, which belong to the range.
+    meaning
+        What they mean in a few words.
+
+    Examples
+    --------
+    >>> Numbers("poses", (), "rad", -1.0, 1.0, "to be held").check([0, 0.5])
+    (0.0, 0.5)
+    """
 
     name: str
     default: tuple[float, ...]
@@ -117,26 +182,24 @@ class Numbers:
     highest: float
     meaning: str
 
-    @property
-    def description(self) -> str:
-        """What `ros2 param describe` shows."""
-        return f"{self.meaning}. Unit: {self.unit}, range: [{self.lowest:g} - {self.highest:g}]"
-
-    def read(self, node: Node) -> tuple[float, ...]:
-        """The values; `ConfigurationError` if one is no number or out of range."""
-        return self.check(node.get_parameter(self.name).value)
-
     def check(self, value: Any) -> tuple[float, ...]:
-        """`value` if it may be given for the parameter, else `ConfigurationError`."""
         if isinstance(value, str | bytes) or not hasattr(value, "__iter__"):
             raise ConfigurationError(
                 f"parameter '{self.name}': must be a list of numbers, got {value!r}"
             )
-        one = Number(self.name, 0.0, self.unit, self.lowest, self.highest, self.meaning)
-        return tuple(one.check(entry) for entry in value)
+        number = Number(self.name, 0.0, self.unit, self.lowest, self.highest, self.meaning)
+        return tuple(number.check(entry) for entry in value)
 
 
 NodeParameter = Text | Switch | Number | Numbers
+
+MACHINE = Text(
+    "machine",
+    DEFAULT_MACHINE,
+    "Machine that ships with the suite by its name, or the folder or machine file of another; its "
+    "files are those that are not named themselves. At the start",
+)
+"""A node reads it first, for other parameters are of the joints of the machine."""
 
 
 def given(node: Node, parameters: Sequence[NodeParameter]) -> set[str]:
@@ -146,8 +209,8 @@ def given(node: Node, parameters: Sequence[NodeParameter]) -> set[str]:
     names = set()
     for parameter in parameters:
         without_default = ParameterDescriptor(dynamic_typing=True)
-        one = node.declare_parameter(parameter.name, descriptor=without_default)
-        if one.type_ is not Parameter.Type.NOT_SET:
+        declared = node.declare_parameter(parameter.name, descriptor=without_default)
+        if declared.type_ is not Parameter.Type.NOT_SET:
             names.add(parameter.name)
         node.undeclare_parameter(parameter.name)
     return names
@@ -156,11 +219,24 @@ def given(node: Node, parameters: Sequence[NodeParameter]) -> set[str]:
 def declare(
     node: Node, parameters: Sequence[NodeParameter], read_only: Collection[NodeParameter] = ()
 ) -> None:
-    """Declare all of them, whatever the type of what was given for them, with their ranges.
+    """Declare parameters with their ranges, whatever the type of the values given for them.
 
-    `ConfigurationError` if `check` refuses what was given at the start. From then on, a value that
-    it refuses cannot be set, nor one of `read_only`, which are read at the start alone; a whole
-    number for a `Number` becomes a double, as those who read it expect.
+    From then on, a value that `check` refuses cannot be set; a whole number for a `Number` becomes
+    a double, as those who read it expect.
+
+    Parameters
+    ----------
+    node
+        Node that gets the parameters.
+    parameters
+        Parameters to declare.
+    read_only
+        Those that are read at the start alone, and cannot be set later.
+
+    Raises
+    ------
+    ConfigurationError
+        If `check` refuses a value that was given at the start.
     """
     for parameter in parameters:
         default = parameter.default
@@ -175,19 +251,73 @@ def declare(
 
     def checked(values: Sequence[Parameter]) -> SetParametersResult:
         try:
-            for one in values:
-                if one.name in known:
-                    known[one.name].check(one.value)
+            for value in values:
+                if value.name in known:
+                    known[value.name].check(value.value)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def converted(values: list[Parameter]) -> list[Parameter]:
-        return [_as_double(one) if one.name in doubles else one for one in values]
+        return [_as_double(value) if value.name in doubles else value for value in values]
 
-    doubles = {one.name for one in parameters if isinstance(one, Number) and not one.whole}
+    doubles = {
+        parameter.name
+        for parameter in parameters
+        if isinstance(parameter, Number) and not parameter.whole
+    }
     node.add_pre_set_parameters_callback(converted)
     node.add_on_set_parameters_callback(checked)
+
+
+def hold(node: Node, fixed: Sequence[NodeParameter], state: Callable[[], str]) -> None:
+    """Refuse to change parameters that a managed node reads when it is configured.
+
+    Parameters
+    ----------
+    node
+        Node that has the parameters.
+    fixed
+        Parameters that keep their values.
+    state
+        Returns the state of the node; while it is "unconfigured", all values may be set.
+    """
+    names = {parameter.name for parameter in fixed}
+
+    def held(values: Sequence[Parameter]) -> SetParametersResult:
+        for value in values:
+            if value.name not in names or state() == "unconfigured":
+                continue
+            if value.value != node.get_parameter(value.name).value:
+                return SetParametersResult(
+                    successful=False,
+                    reason=f"parameter '{value.name}' is read when the node is configured, and the "
+                    f"node is {state()}; deactivate it and clean it up first",
+                )
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(held)
+
+
+def declare_machine(node: Node) -> "Machine":
+    """Declare the parameter and read the machine; `ConfigurationError` if there is none such."""
+    from crane_model.machine import load_machine
+
+    declare(node, (MACHINE,), read_only=(MACHINE,))
+    return load_machine(MACHINE.read(node))
+
+
+def read_machine_again(node: Node, machine: "Machine") -> "Machine":
+    """The machine as its file is now; `ConfigurationError` if its joints are others than before."""
+    from crane_model.machine import load_machine
+
+    now = load_machine(MACHINE.read(node))
+    if dict(now.units) != dict(machine.units):
+        raise ConfigurationError(
+            f"{now.name}: the joints were {', '.join(machine.joint_names)} when the node started, "
+            f"now they are {', '.join(now.joint_names)}; start the node again"
+        )
+    return now
 
 
 def _descriptor(parameter: NodeParameter, read_only: bool) -> ParameterDescriptor:
@@ -207,25 +337,6 @@ def _descriptor(parameter: NodeParameter, read_only: bool) -> ParameterDescripto
             )
             descriptor.floating_point_range = [real]
     return descriptor
-
-
-def hold(node: Node, fixed: Sequence[NodeParameter], state: Callable[[], str]) -> None:
-    """Refuse to change what is read at configure unless `state` is "unconfigured"."""
-    names = {parameter.name for parameter in fixed}
-
-    def held(values: Sequence[Parameter]) -> SetParametersResult:
-        for one in values:
-            if one.name not in names or state() == "unconfigured":
-                continue
-            if one.value != node.get_parameter(one.name).value:
-                return SetParametersResult(
-                    successful=False,
-                    reason=f"parameter '{one.name}' is read when the node is configured, and the "
-                    f"node is {state()}; deactivate it and clean it up first",
-                )
-        return SetParametersResult(successful=True)
-
-    node.add_on_set_parameters_callback(held)
 
 
 def _as_double(given: Parameter) -> Parameter:

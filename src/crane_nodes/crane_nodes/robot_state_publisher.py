@@ -21,8 +21,8 @@ from crane_nodes.managed import own_arguments, ros, ros_arguments
 
 NAME = "robot_state_publisher"
 PROGRAM = f"lib/{NAME}/{NAME}"
-TOPIC = "robot_description"
-WAKE_S = 0.1
+URDF_TOPIC = "robot_description"
+WAKE_PERIOD_OF_WAIT_S = 0.1
 
 
 class Awaited(Node):
@@ -31,7 +31,7 @@ class Awaited(Node):
     def __init__(self) -> None:
         super().__init__(NAME)
         self.urdf: str | None = None
-        topic = self.create_subscription(String, TOPIC, self._take, LATCHED)
+        topic = self.create_subscription(String, URDF_TOPIC, self._take, LATCHED)
         self.get_logger().info(f"waiting for a driver to publish {topic.topic_name}")
         namespace = self.get_namespace().strip("/")
         self.frame_prefix = f"{namespace}/" if namespace else ""
@@ -59,7 +59,7 @@ def _become(argv: Sequence[str]) -> None:
     with ros(argv) as stop:
         node = Awaited()
         while node.urdf is None:
-            rclpy.spin_once(node, timeout_sec=WAKE_S)
+            rclpy.spin_once(node, timeout_sec=WAKE_PERIOD_OF_WAIT_S)
             if stop.requested:
                 return
         given = {
@@ -68,7 +68,10 @@ def _become(argv: Sequence[str]) -> None:
         }
         node.destroy_node()
     words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
-    again = ["-r", f"{TOPIC}:=~/{TOPIC}"]  # it publishes it too; that of the driver is enough
+    again = [
+        "-r",
+        f"{URDF_TOPIC}:=~/{URDF_TOPIC}",
+    ]  # it publishes it too; that of the driver is enough
     os.execv(program, [str(program), "--ros-args", *words, *again, *ros_arguments(argv)])
 
 

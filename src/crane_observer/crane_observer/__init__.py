@@ -1,4 +1,4 @@
-"""The crane that knows itself: positions without encoders, and sensors that are watched.
+"""The crane that observes itself: positions without encoders, faulty sensors, the load at the tip.
 
 What the sensor monitor finds, in words:
 
@@ -11,7 +11,7 @@ What the sensor monitor finds, in words:
 >>> found.sensor
 'telescope encoder'
 
-Before a tolerance was learnt from recordings of the machine, a wide one is taken:
+Before a tolerance was learnt from recordings of the machine, a wide one is assumed:
 
 >>> from crane_observer import unlearnt
 >>> sorted(unlearnt(["boom", "telescope"]).joints)
@@ -23,25 +23,24 @@ from typing import TYPE_CHECKING
 from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
+    from crane_observer.monitor.finding import Part as Part
     from crane_observer.monitor.finding import SensorFinding as SensorFinding
+    from crane_observer.monitor.finding import Wrong as Wrong
     from crane_observer.monitor.replay import SensorWatch as SensorWatch
-    from crane_observer.monitor.signatures import Part as Part
-    from crane_observer.monitor.signatures import Wrong as Wrong
     from crane_observer.monitor.tolerance import learn as learn
     from crane_observer.monitor.tolerance import unlearnt as unlearnt
-    from crane_observer.position.sensor import PositionSensor as PositionSensor
+    from crane_observer.position.estimator import PositionEstimator as PositionEstimator
     from crane_observer.position.state import PoseEstimate as PoseEstimate
     from crane_observer.recording import HeardRecording as HeardRecording
 
 __getattr__, __dir__, __all__ = lazily(
     __name__,
     {
-        "monitor.finding": ("SensorFinding",),
+        "monitor.finding": ("Part", "SensorFinding", "Wrong"),
         "monitor.replay": ("SensorWatch",),
-        "monitor.signatures": ("Part", "Wrong"),
         "monitor.tolerance": ("learn", "unlearnt"),
-        "position.filter": ("PoseEstimate",),
-        "position.sensor": ("PositionSensor",),
+        "position.estimator": ("PositionEstimator",),
+        "position.state": ("PoseEstimate",),
         "recording": ("HeardRecording",),
     },
 )

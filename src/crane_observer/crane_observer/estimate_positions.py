@@ -4,6 +4,7 @@ import csv
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,18 +13,35 @@ from crane_model.array import Array, Flags
 from crane_model.cli import between
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model
-from crane_observer.position.hypotheses import refuse_unserved
-from crane_observer.position.picture import draw
-from crane_observer.position.replay import EstimatedCourse, replay_smoothed
-from crane_observer.position.sensor import START, PositionSensor
+from crane_observer.position.estimator import START_DEVIATION, PositionEstimator
+from crane_observer.position.filter import refuse_unserved
+from crane_observer.position.replay import EstimatedCourse, draw, replay_smoothed
 from crane_observer.recording import HeardRecording
 
 TABLE, PICTURE = "positions.csv", "positions.png"
-COLUMNS = (
-    "position", "velocity", "std_dev", "observable", "encoder", "smoothed", "smoothed_velocity",
-    "smoothed_std_dev",
-)  # fmt: skip
 UNKNOWN, LOWER, UPPER = "unknown", "lower", "upper"
+
+
+class PositionRequest(NamedTuple):
+    """What is asked of `estimate_positions`."""
+
+    bag: Path
+    model: Path
+    without: list[str]
+    start: list[str]
+    start_deviation: float
+    out: Path
+    replace: bool
+
+
+class Estimates(NamedTuple):
+    """What was estimated of a recording, and what encoders say."""
+
+    model: Model
+    course: EstimatedCourse
+    smoothed: EstimatedCourse
+    reference: Array  # (n, j) of the encoders at the times of the course; NaN where there are none
+    hidden: Flags  # (j,) whose encoders were not used
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -50,35 +68,35 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--start-deviation",
         type=between(1e-5, 1.0),
-        default=START,
+        default=START_DEVIATION,
         metavar="DEVIATION",
-        help=f"standard deviation of a known start [rad, m] (default: {START:g})",
+        help=f"standard deviation of a known start [rad, m] (default: {START_DEVIATION:g})",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the results")
     cli.add_replace(parser)
-    arguments = parser.parse_args(argv)
+    request = PositionRequest(**vars(parser.parse_args(argv)))
+    return cli.run(lambda: _estimate(request))
 
-    def body() -> None:
-        table, picture = arguments.out / TABLE, arguments.out / PICTURE
-        cli.check_out(table, picture, replace=arguments.replace)
-        model = load_model(arguments.model)
-        hidden = np.isin(model.joints, _joints(arguments.without, model))
-        for warning in refuse_unserved(model, hidden):
-            print(f"warning: {warning}", file=sys.stderr)
-        recording = HeardRecording.read(arguments.bag, model.joints)
-        for note in recording.notes:
-            print(f"warning: {arguments.bag}: {note}", file=sys.stderr)
-        start = _start(arguments.start, model, recording)
-        sensor = PositionSensor(model, start, arguments.start_deviation)
-        course, smoothed = replay_smoothed(sensor, recording, hidden)
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        reference = _readings(recording, course)
-        _write(table, model, course, smoothed, reference)
-        draw(picture, model, course, smoothed, reference, hidden)
-        _tell(model, course, smoothed, reference, hidden)
-        print(f"written: {table}, {picture}")
 
-    return cli.run(body)
+def _estimate(request: PositionRequest) -> None:
+    table, picture = request.out / TABLE, request.out / PICTURE
+    cli.check_out(table, picture, replace=request.replace)
+    model = load_model(request.model)
+    hidden = np.isin(model.joints, _joints(request.without, model))
+    for warning in refuse_unserved(model, hidden):
+        print(f"warning: {warning}", file=sys.stderr)
+    recording = HeardRecording.read(request.bag, model.joints)
+    for note in recording.notes:
+        print(f"warning: {request.bag}: {note}", file=sys.stderr)
+    start = _start(request.start, model, recording)
+    estimator = PositionEstimator(model, start, request.start_deviation)
+    course, smoothed = replay_smoothed(estimator, recording, hidden)
+    request.out.mkdir(parents=True, exist_ok=True)
+    found = Estimates(model, course, smoothed, _reference(recording, course), hidden)
+    _write(table, found)
+    draw(picture, *found)
+    _tell(found)
+    print(f"written: {table}, {picture}")
 
 
 def _joints(names: Sequence[str], model: Model) -> Sequence[str]:
@@ -115,60 +133,62 @@ def _start(given: Sequence[str], model: Model, recording: HeardRecording) -> Arr
     return start
 
 
-def _readings(recording: HeardRecording, course: EstimatedCourse) -> Array:
-    """(n, j) of the encoders at the times of the course; NaN where there are none."""
+def _reference(recording: HeardRecording, course: EstimatedCourse) -> Array:
     found = np.full_like(course.position, np.nan)
-    for j in range(recording.encoders.shape[1]):
-        valid = np.isfinite(recording.encoders[:, j])
+    for j, shown in enumerate(recording.encoders.T):
+        valid = np.isfinite(shown)
         if valid.sum() > 1:
-            found[:, j] = np.interp(
-                course.time, recording.encoder_time[valid], recording.encoders[valid, j]
-            )
+            found[:, j] = np.interp(course.time, recording.encoder_time[valid], shown[valid])
     return found
 
 
-def _write(
-    path: Path, model: Model, course: EstimatedCourse, smoothed: EstimatedCourse, reference: Array
-) -> None:
+def _write(path: Path, found: Estimates) -> None:
+    course, smoothed = found.course, found.smoothed
+    of_joints = {
+        "position": course.position,
+        "velocity": course.velocity,
+        "std_dev": course.deviation,
+        "observable": course.observable,
+        "encoder": found.reference,
+        "smoothed": smoothed.position,
+        "smoothed_velocity": smoothed.velocity,
+        "smoothed_std_dev": smoothed.deviation,
+    }
+    of_load = {
+        "load": course.load,
+        "load.std_dev": course.load_deviation,
+        "load.smoothed": smoothed.load,
+        "load.smoothed_std_dev": smoothed.load_deviation,
+    }
     heads = []
-    for joint in model.joints:
-        unit = model.setting.units[joint]
-        units = dict.fromkeys(("position", "std_dev", "encoder", "smoothed"), unit)
-        units |= {"velocity": f"{unit}/s", "observable": "0 or 1", "smoothed_std_dev": unit}
-        units["smoothed_velocity"] = f"{unit}/s"
-        heads += [f"{joint}.{name} [{units[name]}]" for name in COLUMNS]
-    parts = np.stack(
-        [
-            course.position, course.velocity, course.deviation, course.observable, reference,
-            smoothed.position, smoothed.velocity, smoothed.deviation,
-        ],
-        axis=2,
-    )  # fmt: skip
-    loads = [course.load, course.load_deviation, smoothed.load, smoothed.load_deviation]
-    names = ("load", "load.std_dev", "load.smoothed", "load.smoothed_std_dev")
+    for joint in found.model.joints:
+        unit = found.model.setting.units[joint]
+        special = {"observable": "0 or 1"}
+        special |= dict.fromkeys(("velocity", "smoothed_velocity"), f"{unit}/s")
+        heads += [f"{joint}.{name} [{special.get(name, unit)}]" for name in of_joints]
+    parts = np.stack(list(of_joints.values()), axis=2)
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(["time [s]", *heads, *(f"{name} [kg]" for name in names), "condition"])
+        rows.writerow(["time [s]", *heads, *(f"{name} [kg]" for name in of_load), "condition"])
         for k, time in enumerate(course.time):
-            values = [time, *parts[k].ravel(), *(one[k] for one in loads)]
+            values = [time, *parts[k].ravel(), *(column[k] for column in of_load.values())]
             rows.writerow([*(f"{value:.6g}" for value in values), course.conditions[k].name])
 
 
-def _tell(
-    model: Model, course: EstimatedCourse, smoothed: EstimatedCourse, reference: Array,
-    hidden: Flags,
-) -> None:  # fmt: skip
-    for j, joint in enumerate(model.joints):
-        unit = "mm" if model.setting.units[joint] == "m" else "mrad"
+def _tell(found: Estimates) -> None:
+    course, smoothed, reference = found.course, found.smoothed, found.reference
+    for j, joint in enumerate(found.model.joints):
+        unit = "mm" if found.model.setting.units[joint] == "m" else "mrad"
         seen = np.isfinite(reference[:, j])
-        error, later = (
-            np.sqrt(np.mean((one.position - reference)[seen, j] ** 2)) if seen.any() else np.nan
-            for one in (course, smoothed)
-        )
-        found = f"error rms {1e3 * error:.2f} {unit}, smoothed {1e3 * later:.2f} {unit}"
+        told = "no encoder"
+        if seen.any():
+            error, later = (
+                1e3 * np.sqrt(np.mean((estimate.position - reference)[seen, j] ** 2))
+                for estimate in (course, smoothed)
+            )
+            told = f"error rms {error:.2f} {unit}, smoothed {later:.2f} {unit}"
         share = f"{np.mean(course.observable[:, j]):.0%}"
-        what = "without encoder" if hidden[j] else "with encoder"
-        told = found if seen.any() else "no encoder"
+        what = "without encoder" if found.hidden[j] else "with encoder"
         print(f"{joint:12s} {what:16s} {told:42s} observable {share} of the time")
     print(f"load         {int(course.changed.sum())} changes, last {course.load[-1]:.1f} kg "
           f"± {course.load_deviation[-1]:.1f} kg")  # fmt: skip

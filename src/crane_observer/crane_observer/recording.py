@@ -3,40 +3,95 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from crane_bags.clocks import NANOSECONDS
-from crane_bags.driver_states import let_through
-from crane_bags.namespaces import namespace_of
-from crane_bags.reader import read_topics
+from crane_bags.reader import let_through, namespace_of, read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND, VALVE_OUTPUT
 from crane_model.array import Array
 from crane_model.errors import DataError
 
-ENCODERS, PRESSURES, COMMAND = range(3)
+
+class EncoderReading(NamedTuple):
+    """Positions of j joints at one time."""
+
+    time: float  # s
+    position: Array  # (j,) rad, m
+
+
+class PressureReading(NamedTuple):
+    """Pressures of j joints at one time."""
+
+    time: float  # s
+    chamber_a: Array  # (j,) Pa
+    chamber_b: Array  # (j,) Pa
+    supply: float  # Pa
+
+
+class CommandReading(NamedTuple):
+    """Commands of j valves, in force from one time on."""
+
+    time: float  # s
+    command: Array  # (j,) -1..1
+
+
+Reading: TypeAlias = EncoderReading | PressureReading | CommandReading
 
 
 @dataclass(frozen=True)
 class HeardRecording:
-    """Readings of j joints; times in seconds since the first of the pressures."""
+    """Readings of j joints in a bag; times in seconds since the first reading of pressures.
+
+    Parameters
+    ----------
+    path
+        The bag.
+    start
+        Stamp of the first reading of pressures [ns].
+    encoder_time, encoders
+        Times (n,) [s] and positions (n, j) [rad, m]; without rows if the bag has no joint states.
+    pressure_time, chamber_a, chamber_b, supply
+        Times (m,) [s], pressures of the chambers (m, j) and of the supply (m,) [Pa].
+    command_time, commands
+        Times (k,) [s] and commands (k, j) [-1..1] that reached the valves.
+    notes
+        What was repaired when the bag was read.
+    """
 
     path: Path
-    start: int  # ns
-    encoder_time: Array  # (n,)
-    encoders: Array  # (n, j) rad, m
-    pressure_time: Array  # (m,)
-    chamber_a: Array  # (m, j) Pa
-    chamber_b: Array  # (m, j) Pa
-    supply: Array  # (m,) Pa
-    command_time: Array  # (k,)
-    commands: Array  # (k, j) that reached the valves
-    notes: tuple[str, ...] = ()  # what was mended when it was read
+    start: int
+    encoder_time: Array
+    encoders: Array
+    pressure_time: Array
+    chamber_a: Array
+    chamber_b: Array
+    supply: Array
+    command_time: Array
+    commands: Array
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def read(cls, path: Path, joints: tuple[str, ...]) -> "HeardRecording":
-        """`DataError` names the topic that is missing, or whose time goes back again and again, and
-        what to record.
+        """Read the readings of some joints from a bag.
+
+        Parameters
+        ----------
+        path
+            Folder or file of the bag.
+        joints
+            Names of the joints, in the order of the columns.
+
+        Returns
+        -------
+        HeardRecording
+            The readings.
+
+        Raises
+        ------
+        DataError
+            A topic is missing, or its time goes back again and again; says what to record.
         """
         namespace = namespace_of(path)
         states_, pressures_, asked, sent = (
@@ -53,12 +108,12 @@ class HeardRecording:
         pressures = found[pressures_.name].select(joints)
         commands = found[output.name].select(joints)
         states = found[states_.name].select(joints) if states_.name in found else None
-        used = [one for one in (pressures, commands, states) if one]
-        for one in used:
-            if one.set_back and one.set_back.spoils:
+        used = [data for data in (pressures, commands, states) if data]
+        for data in used:
+            if (back := data.set_back) and back.spoils:
                 raise DataError(
-                    f"{path}: topic {one.topic}: {one.set_back}, so that {one.set_back.share:.1%} "
-                    "of its messages are older than one before them; record with one clock"
+                    f"{path}: topic {data.topic}: {back}, so that {back.share:.1%} of its "
+                    "messages are older than one before them; record with one clock"
                 )
         start = int(pressures.stamp[0])
 
@@ -81,16 +136,30 @@ class HeardRecording:
             supply,
             command_time,
             reaching,
-            tuple(note for one in used for note in one.notes),
+            tuple(note for data in used for note in data.notes),
         )
 
-    def events(self) -> Iterator[tuple[int, int]]:
-        """ENCODERS, PRESSURES or COMMAND, and its row; of one stamp in this order."""
+    def readings(self) -> Iterator[Reading]:
+        """Yield all readings by their stamps: of one stamp encoders, pressures, then commands.
+
+        Yields
+        ------
+        EncoderReading, PressureReading or CommandReading
+            One reading.
+        """
         times = (self.encoder_time, self.pressure_time, self.command_time)
-        kinds = np.repeat(np.arange(3), [len(one) for one in times])
-        rows = np.concatenate([np.arange(len(one)) for one in times])
+        kinds = np.repeat(np.arange(3), [len(stamps) for stamps in times])
+        rows = np.concatenate([np.arange(len(stamps)) for stamps in times])
         for i in np.lexsort((kinds, np.concatenate(times))):
-            yield int(kinds[i]), int(rows[i])
+            row = int(rows[i])
+            time = float(times[kinds[i]][row])
+            if kinds[i] == 0:
+                yield EncoderReading(time, self.encoders[row])
+            elif kinds[i] == 1:
+                pressures = self.chamber_a[row], self.chamber_b[row], float(self.supply[row])
+                yield PressureReading(time, *pressures)
+            else:
+                yield CommandReading(time, self.commands[row])
 
 
 def reached(time: Array, commands: Array, told: Array, through: np.ndarray) -> tuple[Array, Array]:
@@ -100,11 +169,11 @@ def reached(time: Array, commands: Array, told: Array, through: np.ndarray) -> t
     """
     if not len(told):
         return time, commands
-    every = np.concatenate([time, told])
-    order = np.argsort(every, kind="stable")
-    newest = np.searchsorted(time, every, side="right") - 1
+    both = np.concatenate([time, told])
+    order = np.argsort(both, kind="stable")
+    newest = np.searchsorted(time, both, side="right") - 1
     values = np.where((newest >= 0)[:, np.newaxis], commands[newest], 0.0)
-    state = np.searchsorted(told, every, side="right") - 1
+    state = np.searchsorted(told, both, side="right") - 1
     closed = (state >= 0) & ~through[state]
     values[closed] = 0.0
-    return every[order], values[order]
+    return both[order], values[order]

@@ -1,4 +1,4 @@
-"""The nodes that watch: positions without encoders, sensors that lie, the load at the tip."""
+"""The nodes that watch: positions without encoders, faulty sensors, the load at the tip."""
 
 from launch import LaunchDescription
 
@@ -19,7 +19,7 @@ def generate_launch_description() -> LaunchDescription:
             *declared(ARGUMENTS),
             node(
                 package="crane_observer",
-                executable="position_sensor",
+                executable="position_estimator",
                 parameters={
                     "machine": ("machine", str),
                     "model": ("model", str),
@@ -37,7 +37,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             node(
                 package="crane_observer",
-                executable="scale",
+                executable="payload_estimator",
                 parameters={"machine": ("machine", str), "model": ("model", str)},
             ),
         ]

@@ -1,68 +1,55 @@
-"""The stand-in machine: its plant, what it may hide, its bus, and its picture.
+"""The simulated crane: its plant, effects to inject, its bus, and its picture.
 
 Half a second with one valve open:
 
 >>> import numpy as np
 >>> from crane_model.machine import load_machine
->>> from crane_sim import Plant, load_stand_in
->>> stand_in = load_stand_in()
->>> plant = Plant(stand_in, load_machine(), stand_in.start)
+>>> from crane_sim import Plant, load_simulated_crane
+>>> simulated = load_simulated_crane()
+>>> plant = Plant(simulated, load_machine(), simulated.start)
 >>> before = plant.q.copy()
 >>> plant.advance(np.array([0.0, 0.0, 0.0, 0.4]), 0.5)
 >>> moved = plant.q - before
 >>> bool(moved[3] > 0.01)
 True
 
-An effect to hide in it:
+An effect to inject:
 
->>> from crane_sim import HiddenEffect, Spec
->>> Spec(effects=(HiddenEffect(effect="stribeck", joint="telescope", strength=0.02),)).seed
+>>> from crane_sim import InjectedEffect, Spec
+>>> Spec(effects=(InjectedEffect(effect="stribeck", joint="telescope", strength=0.02),)).seed
 0
 
-The names of `__all__` are the public API; each is imported from its module when it is first asked
-for, so that `import crane_sim` alone compiles nothing.
+A public name is imported from its module when it is first asked for, so that `import crane_sim`
+alone compiles nothing.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from crane_model.lazily import lazily
+
 if TYPE_CHECKING:
-    from crane_sim.hiding.calibrate import calibrate
-    from crane_sim.hiding.label import HiddenEffect, Spec, load_spec
-    from crane_sim.make_bag import make
-    from crane_sim.parts.parameters import StandIn, load_stand_in, save_stand_in
-    from crane_sim.plant.closed_loop import SimulatedRecording, record
-    from crane_sim.plant.plant import Plant
-    from crane_sim.plant.sampled import Sensors
+    from crane_sim.calibration import calibrate as calibrate
+    from crane_sim.ground_truth import InjectedEffect as InjectedEffect
+    from crane_sim.ground_truth import Spec as Spec
+    from crane_sim.ground_truth import load_spec as load_spec
+    from crane_sim.make_bag import make as make
+    from crane_sim.parts.parameters import SimulatedCrane as SimulatedCrane
+    from crane_sim.parts.parameters import load_simulated_crane as load_simulated_crane
+    from crane_sim.parts.parameters import save_simulated_crane as save_simulated_crane
+    from crane_sim.plant.closed_loop import SimulatedRecording as SimulatedRecording
+    from crane_sim.plant.closed_loop import record as record
+    from crane_sim.plant.plant import Plant as Plant
+    from crane_sim.plant.sampled import Sensors as Sensors
 
-__all__ = [
-    "HiddenEffect",
-    "Plant",
-    "Sensors",
-    "SimulatedRecording",
-    "Spec",
-    "StandIn",
-    "calibrate",
-    "load_spec",
-    "load_stand_in",
-    "make",
-    "record",
-    "save_stand_in",
-]
-
-_MODULES = {
-    "hiding.calibrate": ("calibrate",),
-    "hiding.label": ("HiddenEffect", "Spec", "load_spec"),
-    "make_bag": ("make",),
-    "parts.parameters": ("StandIn", "load_stand_in", "save_stand_in"),
-    "plant.closed_loop": ("SimulatedRecording", "record"),
-    "plant.plant": ("Plant",),
-    "plant.sampled": ("Sensors",),
-}
-
-
-def __getattr__(name: str) -> object:
-    for module, names in _MODULES.items():
-        if name in names:
-            return getattr(import_module(f"{__name__}.{module}"), name)
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "calibration": ("calibrate",),
+        "ground_truth": ("InjectedEffect", "Spec", "load_spec"),
+        "make_bag": ("make",),
+        "parts.parameters": ("SimulatedCrane", "load_simulated_crane", "save_simulated_crane"),
+        "plant.closed_loop": ("SimulatedRecording", "record"),
+        "plant.plant": ("Plant",),
+        "plant.sampled": ("Sensors",),
+    },
+)

@@ -1,4 +1,4 @@
-"""`make_bag`: a recording of the stand-in machine on an excitation trajectory, as an mcap bag.
+"""`make_bag`: a recording of the simulated crane on an excitation trajectory, as an mcap bag.
 
 >>> from crane_bags.reader import read_topics
 >>> from crane_bags.types import JOINT_STATES
@@ -11,8 +11,8 @@ written: bag, 33.1 s
 ('slew', 'inner_boom', 'outer_boom', 'telescope')
 """
 
-import argparse
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -32,58 +32,30 @@ from crane_model import cli
 from crane_model.cli import between, whole
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine, load_machine
+from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
+from crane_sim.calibration import injected_in, slewing
 from crane_sim.effects.form import Planted, SensorFault
 from crane_sim.effects.sensing import faults
-from crane_sim.hiding.calibrate import hidden_in, slewing
-from crane_sim.hiding.label import Clean, check_place, clean, load_hidden, write_label
-from crane_sim.parts.parameters import JOINTS_FILE, StandIn, load_stand_in
-from crane_sim.plant.closed_loop import REST, Course, SimulatedRecording, Steps, record
+from crane_sim.ground_truth import Clean, check_place, clean, load_injected, write_ground_truth
+from crane_sim.options import add_faults, add_plant, load_both
+from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim.plant.closed_loop import REST_S, Course, SimulatedRecording, Steps, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Build, Sensors
 from crane_sim.sensor_faults import Faults, parse
 from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
-from crane_trajectory.control.interface import Controller
-from crane_trajectory.control.pd_dead_zone import Gains, load_gains
+from crane_trajectory.control.controller import Controller, Gains, load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
 
-# What the commands of the stand-in machine have in common.
-
-
-def add_plant(parser: argparse.ArgumentParser) -> None:
-    """`--plant`, the stand-in file."""
-    parser.add_argument("--plant", type=Path, help="stand-in file (default: that of the machine)")
-
-
-def add_faults(parser: argparse.ArgumentParser) -> None:
-    """`--fault`, once for each."""
-    parser.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="TARGET.PART.KIND[=SIZE][@SECONDS]",
-        help="a sensor or valve that fails, as JOINT.encoder.stuck@12.5, seconds after the "
-        "beginning; may be repeated. Of a joint: encoder, pressure_a, pressure_b, pressures, "
-        "valve; of the supply: supply.pressure. A wrong one is answered with what there is",
-    )
-
-
-def load_both(machine: str | None, plant: Path | None) -> tuple[Machine, StandIn]:
-    """What `--machine` and `--plant` name; `ConfigurationError` if either is wrong."""
-    known = load_machine(machine)
-    joints = machine_file("machine.yaml", machine).with_name(JOINTS_FILE)
-    return known, load_stand_in(machine_file("stand_in.yaml", machine, plant), known, joints)
-
-
 STARTED = datetime(2025, 1, 1, tzinfo=UTC)  # fixed, so that the same seed gives the same bag
 
-LONGEST = 1e7  # s that a machine runs, four months
+MAX_RUNNING_S = 1e7  # that a machine runs, four months
 
 
 class Moment(NamedTuple):
@@ -145,7 +117,7 @@ def write_bag(
 def make(
     out: Path,
     machine: Machine,
-    stand_in: StandIn,
+    simulated: SimulatedCrane,
     motion: Course,
     gains: Gains,
     seed: int,
@@ -157,18 +129,50 @@ def make(
     build: Build | None = None,
     flaws: Sequence[SensorFault] = (),
 ) -> Clean:
-    """Write the bag `out` of a machine that hides effects; what truly happened is returned.
+    """Write a bag of a simulated crane with injected effects; nothing but readings tells of them.
 
-    `motion` is that of `plan`, led by (36) with `gains` or by the `controller`; `seed` is that of
-    noise and jitter; at its `moment` the recording begins; what is `failing` does so as
-    `crane_sim.sensor_faults.parse` reads it; `build` makes the machine of `stand_in`, by default
-    the `Plant`; `flaws` are those of its sensors that count as noise. The bag holds what a machine
-    without hidden effects would write: nothing but readings differs.
+    Parameters
+    ----------
+    out
+        Folder of the new bag.
+    machine, simulated
+        Geometry and parameters of the simulated crane.
+    motion
+        Motion, as of `plan`.
+    gains
+        Of the controller (36).
+    seed
+        Of noise and jitter.
+    planted
+        Injected effects.
+    moment
+        When the recording begins.
+    progress
+        Wraps the cycles, as tqdm does.
+    controller
+        Leads the crane in place of (36).
+    failing
+        Faults that begin in the recording, as `crane_sim.sensor_faults.parse` reads them.
+    build
+        Makes the machine of `simulated`; by default the `Plant`.
+    flaws
+        Faults of sensors that count as noise.
+
+    Returns
+    -------
+    What truly happened.
+
+    Raises
+    ------
+    DataError
+        If `out` exists or cannot be made.
+    RangeError
+        If the crane cannot start where the motion does.
     """
-    made = build or partial(Plant, stand_in, machine)
+    made = build or partial(Plant, simulated, machine)
     plant = made(motion.start, planted, moment.running)
     timed = Faults(machine, failing, seed, zero=moment.running)
-    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine), timed, flaws)
+    sensors = Sensors(simulated.sensors, machine, seed, faults(planted, machine), timed, flaws)
     recording = record(slewing(motion, planted), plant, sensors, gains, progress, controller)
     write_bag(out, machine, recording, moment.started)
     return clean(machine, planted, sensors.faults, recording.truth, plant.machine)
@@ -182,8 +186,28 @@ def date(text: str) -> datetime:
     return date if date.tzinfo else date.replace(tzinfo=UTC)
 
 
+@dataclass(frozen=True)
+class _Request:
+    """The command line."""
+
+    trajectory: Path
+    periods: int
+    seed: int
+    out: Path
+    plant: Path | None
+    fault: Sequence[str]
+    machine: str | None
+    gains: Path | None
+    law: str
+    model: Path | None
+    started: datetime
+    running: float  # s
+    inject: Path | None
+    ground_truth: Path | None
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make a bag with the stand-in machine: approach, N periods of a trajectory, and stop."""
+    """Make a bag with the simulated crane: approach, N periods of a trajectory, and stop."""
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument("--trajectory", type=Path, required=True, help="coefficients of (32), YAML")
     parser.add_argument("--periods", type=whole(1), required=True, help="whole periods to record")
@@ -212,62 +236,62 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument(
         "--running",
-        type=between(0.0, LONGEST),
+        type=between(0.0, MAX_RUNNING_S),
         default=0.0,
         metavar="SECONDS",
         help="since the machine was started, when the recording begins: stamps, and what warms up "
         "or wears, go on from there (default: 0, a cold machine)",
     )
     parser.add_argument(
-        "--hide", type=Path, help="effects that the machine hides (YAML), or the label of a bag"
+        "--inject", type=Path, help="effects to inject (YAML), or the ground truth of a bag"
     )
     parser.add_argument(
-        "--label", type=Path, help="new file, not in the bag's folder, that tells what was hidden"
+        "--ground-truth", type=Path, help="new file, not in the bag's folder, for what was injected"
     )
-    arguments = parser.parse_args(argv)
-    if (arguments.hide is None) != (arguments.label is None):
-        parser.error("--hide and --label: give both or none")
+    request = _Request(**vars(parser.parse_args(argv)))
+    if (request.inject is None) != (request.ground_truth is None):
+        parser.error("--inject and --ground-truth: give both or none")
 
-    if (arguments.model is None) != (arguments.law == PD_DEAD_ZONE):
+    if (request.model is None) != (request.law == PD_DEAD_ZONE):
         parser.error(f"--law and --model: every law but {PD_DEAD_ZONE} needs a model")
 
     def progress(cycles: Iterable[int]) -> Iterable[int]:
-        return progress_bar(arguments.out.name, over=cycles)
+        return progress_bar(request.out.name, over=cycles)
 
     def body() -> None:
-        cli.check_out(arguments.out)
-        machine, parameters = load_both(arguments.machine, arguments.plant)
+        cli.check_out(request.out)
+        machine, parameters = load_both(request.machine, request.plant)
         motion = plan(
             machine,
-            load_trajectory(machine_file("", arguments.machine, arguments.trajectory)),
+            load_trajectory(machine_file("", request.machine, request.trajectory)),
             parameters.start,
-            arguments.periods,
-            load_clearance(machine_file("clearance.yaml", arguments.machine)),
+            request.periods,
+            load_clearance(machine_file("clearance.yaml", request.machine)),
         )
-        whole = motion.duration + 2.0 * REST
-        for text in arguments.fault:
-            if (onset := parse(text, machine).onset or 0.0) >= whole:
+        duration = motion.duration + 2.0 * REST_S
+        for text in request.fault:
+            if (onset := parse(text, machine).onset or 0.0) >= duration:
                 raise ConfigurationError(
-                    f"fault '{text}': begins at {onset:g} s, when the bag of {whole:.1f} s has "
+                    f"fault '{text}': begins at {onset:g} s, when the bag of {duration:.1f} s has "
                     "ended; let it begin earlier, or record more periods"
                 )
-        gains = load_gains(
-            machine_file("controller.yaml", arguments.machine, arguments.gains), machine
-        )
-        model = load_model(arguments.model) if arguments.model else None
-        led = controller(arguments.law, machine, gains.arrays, model) if model else None
+        gains = load_gains(machine_file("controller.yaml", request.machine, request.gains), machine)
+        model = load_model(request.model) if request.model else None
+        led = controller(request.law, machine, gains.arrays, model) if model else None
         planted: tuple[Planted, ...] = ()
-        if arguments.hide is not None:
-            check_place(arguments.label, arguments.out)
-            spec = load_hidden(arguments.hide, machine, parameters)
-            planted = hidden_in(spec, machine, parameters, gains, arguments.machine)
-        seed, moment = arguments.seed, Moment(arguments.started, arguments.running)
+        if request.inject is not None and request.ground_truth is not None:
+            check_place(request.ground_truth, request.out)
+            spec = load_injected(request.inject, machine, parameters)
+            planted = injected_in(spec, machine, parameters, gains, request.machine)
+        seed, moment = request.seed, Moment(request.started, request.running)
         truth = make(
-            arguments.out, machine, parameters, motion, gains, seed, planted, moment, progress, led,
-            arguments.fault,
+            request.out, machine, parameters, motion, gains, seed, planted, moment, progress, led,
+            request.fault,
         )  # fmt: skip
-        if arguments.label is not None:
-            write_label(arguments.label, arguments.out, seed, machine, parameters, planted, truth)
-        print(f"written: {arguments.out}, {motion.duration:.1f} s")
+        if request.ground_truth is not None:
+            write_ground_truth(
+                request.ground_truth, request.out, seed, machine, parameters, planted, truth
+            )
+        print(f"written: {request.out}, {motion.duration:.1f} s")
 
     return cli.run(body)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from typing_extensions import override
 
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
@@ -32,7 +31,6 @@ class StuckLaw(FaultLaw):
 
     _held: float | None = None
 
-    @override
     def shown(self, since: float, value: float) -> float:
         if self._held is None:
             self._held = value
@@ -42,7 +40,6 @@ class StuckLaw(FaultLaw):
 class OffsetLaw(FaultLaw):
     """`size` more."""
 
-    @override
     def shown(self, since: float, value: float) -> float:
         return value + self.size
 
@@ -50,7 +47,6 @@ class OffsetLaw(FaultLaw):
 class DriftLaw(FaultLaw):
     """`size` more with each second."""
 
-    @override
     def shown(self, since: float, value: float) -> float:
         return value + self.size * since
 
@@ -58,7 +54,6 @@ class DriftLaw(FaultLaw):
 class GainLaw(FaultLaw):
     """1 + `size` times the value."""
 
-    @override
     def shown(self, since: float, value: float) -> float:
         return (1.0 + self.size) * value
 
@@ -68,7 +63,6 @@ class ScaleLaw(FaultLaw):
 
     _stood: float | None = None
 
-    @override
     def shown(self, since: float, value: float) -> float:
         if self._stood is None:
             self._stood = value
@@ -81,7 +75,6 @@ class LostCountsLaw(FaultLaw):
     _last: float | None = None
     _lost = 0.0
 
-    @override
     def shown(self, since: float, value: float) -> float:
         if self._last is not None:
             self._lost += self.size * max(value - self._last, 0.0)
@@ -92,7 +85,6 @@ class LostCountsLaw(FaultLaw):
 class NoiseLaw(FaultLaw):
     """Normal noise of standard deviation `size`."""
 
-    @override
     def shown(self, since: float, value: float) -> float:
         return value + self.size * float(self.rng.standard_normal())
 
@@ -102,7 +94,6 @@ class BacklashLaw(FaultLaw):
 
     _follower: float | None = None
 
-    @override
     def shown(self, since: float, value: float) -> float:
         half = 0.5 * self.size
         if self._follower is None:
@@ -117,7 +108,6 @@ class SlowLaw(FaultLaw):
     _state: float | None = None
     _last = 0.0
 
-    @override
     def shown(self, since: float, value: float) -> float:
         if self._state is None:
             self._state = value
@@ -128,7 +118,7 @@ class SlowLaw(FaultLaw):
 
 # The faults that a part of the simulated crane can have, and how a user writes them.
 
-SUPPLY, ENCODER, VALVE, BOTH = "supply", "encoder", "valve", "pressures"
+SUPPLY, ENCODER, VALVE_PART, BOTH_CHAMBERS = "supply", "encoder", "valve", "pressures"
 CHAMBERS = "pressure_a", "pressure_b"
 LEAKING, SWAPPED = "leaking", "swapped"
 
@@ -159,9 +149,9 @@ KINDS: dict[str, dict[str, KindOfFault]] = {
         "backlash": KindOfFault(BacklashLaw, 5e-3, 0.0),  # rad, m
     },
     **dict.fromkeys(CHAMBERS, _TRANSDUCER),
-    BOTH: {SWAPPED: KindOfFault(None)},
+    BOTH_CHAMBERS: {SWAPPED: KindOfFault(None)},
     "pressure": _TRANSDUCER,
-    VALVE: {
+    VALVE_PART: {
         "stuck": KindOfFault(StuckLaw),
         "slow": KindOfFault(SlowLaw, 0.3, 1e-3),  # s
         LEAKING: KindOfFault(None, 2e-12, 0.0),  # m3/(s Pa) past the piston
@@ -231,7 +221,7 @@ def parts_of(machine: Machine) -> dict[str, tuple[str, ...]]:
     """What can fail of each joint and of the supply."""
     measured = measured_joints(machine)
     return {
-        joint: (ENCODER, *((*CHAMBERS, BOTH) if joint in measured else ()), VALVE)
+        joint: (ENCODER, *((*CHAMBERS, BOTH_CHAMBERS) if joint in measured else ()), VALVE_PART)
         for joint in machine.joint_names
     } | {SUPPLY: ("pressure",)}
 
@@ -260,7 +250,6 @@ class _Running:
         return time - self.begun
 
     def shown(self, time: float, value: float) -> float:
-        """What comes of a value at a time [s]."""
         since = self.since(time)
         return value if since is None or self.law is None else self.law.shown(since, value)
 
@@ -295,23 +284,25 @@ class Faults:
         fault = parse(text, self._machine)
         if fault.kind == LEAKING and not self._leaks:
             raise ConfigurationError(
-                f"fault '{fault}': this plant is the twin of a model, whose pistons leak as the "
-                "model says; leave --model out"
+                f"fault '{fault}': this plant is identified from a model, whose pistons leak as "
+                "the model says; leave --model out"
             )
         kind = KINDS[fault.part][fault.kind]
         law = kind.law(fault.size, self._rng) if kind.law else None
-        others = (one for one in self._running if one.fault.place != fault.place)
-        self._running = (*others, _Running(fault, law, self._zero))
+        remaining = (running for running in self._running if running.fault.place != fault.place)
+        self._running = (*remaining, _Running(fault, law, self._zero))
         return fault
 
     def mend(self, place: str) -> None:
         """The part named, `inner_boom.encoder`, or `all`, is well; `ConfigurationError` if not."""
-        faulty = [one.fault.place for one in self._running]
+        faulty = [running.fault.place for running in self._running]
         if place not in ("all", *faulty):
             raise ConfigurationError(
                 f"'{place}' is not faulty; faulty: {', '.join(faulty) or 'none'}"
             )
-        self._running = tuple(one for one in self._running if place not in ("all", one.fault.place))
+        self._running = tuple(
+            running for running in self._running if place not in ("all", running.fault.place)
+        )
 
     def positions(self, time: float, q: np.ndarray) -> np.ndarray:
         """Readings (j,) [rad, m] of encoders at a time [s]."""
@@ -319,14 +310,14 @@ class Faults:
 
     def commands(self, time: float, u: np.ndarray) -> np.ndarray:
         """What spools make of commands (j,), from a time [s] on."""
-        return self._changed(VALVE, time, u)
+        return self._changed(VALVE_PART, time, u)
 
     def passed(self, time: float) -> np.ndarray:
         """(j,) by how much more the pistons leak at a time [s], m3/(s Pa)."""
         leak = np.zeros(len(self._joints))
-        for one in self._running:
-            if one.fault.kind == LEAKING and one.since(time) is not None:
-                leak[self._joints.index(one.fault.target)] = one.fault.size
+        for running in self._running:
+            if running.fault.kind == LEAKING and running.since(time) is not None:
+                leak[self._joints.index(running.fault.target)] = running.fault.size
         return leak
 
     def pressures(
@@ -340,14 +331,14 @@ class Faults:
             CHAMBERS[1]: np.array(chamber_b, dtype=float),
         }
         shown_supply = np.array(supply, dtype=float)
-        for one in self._running:
-            target, part = one.fault.target, one.fault.part
+        for running in self._running:
+            target, part = running.fault.target, running.fault.part
             if target == SUPPLY:
-                _pass(one, time, shown_supply)
+                _pass(running, time, shown_supply)
             elif part in CHAMBERS:
-                _pass(one, time, chambers[part][:, self._measured.index(target)])
-            elif part == BOTH:
-                _swap(one, time, *(both[:, self._measured.index(target)]
+                _pass(running, time, chambers[part][:, self._measured.index(target)])
+            elif part == BOTH_CHAMBERS:
+                _swap(running, time, *(both[:, self._measured.index(target)]
                                    for both in chambers.values()))  # fmt: skip
         return chambers[CHAMBERS[0]], chambers[CHAMBERS[1]], shown_supply
 
@@ -356,18 +347,18 @@ class Faults:
         if not self._running:
             return values
         changed = np.array(values, dtype=float)
-        for one in self._running:
-            if one.fault.part == part:
-                column = self._joints.index(one.fault.target)
-                changed[column] = one.shown(time, changed[column])
+        for running in self._running:
+            if running.fault.part == part:
+                column = self._joints.index(running.fault.target)
+                changed[column] = running.shown(time, changed[column])
         return changed
 
 
-def _pass(one: _Running, time: np.ndarray, values: np.ndarray) -> None:
+def _pass(running: _Running, time: np.ndarray, values: np.ndarray) -> None:
     for k, at in enumerate(time.tolist()):
-        values[k] = one.shown(at, float(values[k]))
+        values[k] = running.shown(at, float(values[k]))
 
 
-def _swap(one: _Running, time: np.ndarray, a: np.ndarray, b: np.ndarray) -> None:
-    faulty = [k for k, at in enumerate(time.tolist()) if one.since(at) is not None]
+def _swap(running: _Running, time: np.ndarray, a: np.ndarray, b: np.ndarray) -> None:
+    faulty = [k for k, at in enumerate(time.tolist()) if running.since(at) is not None]
     a[faulty], b[faulty] = b[faulty], a[faulty]

@@ -1,4 +1,4 @@
-"""The whole suite beside the stand-in machine: driver, recorder, trajectory, identification."""
+"""The whole suite with the simulated crane: driver, recorder, trajectory, identification."""
 
 from launch import LaunchDescription
 

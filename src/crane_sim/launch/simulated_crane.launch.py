@@ -1,4 +1,4 @@
-"""The stand-in machine on a CAN bus, and the driver on the same bus."""
+"""The simulated crane on a CAN bus, and the driver on the same bus."""
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction
@@ -34,7 +34,7 @@ def simulated_crane(context: LaunchContext) -> list[ExecuteProcess]:
         return LaunchConfiguration(argument).perform(context)
 
     options = [(option, given(name)) for name, option in OPTIONS.items() if given(name)]
-    options += [("--bus-option", one) for one in given("bus_options").split()]
+    options += [("--bus-option", option) for option in given("bus_options").split()]
     return [
         ExecuteProcess(
             cmd=[

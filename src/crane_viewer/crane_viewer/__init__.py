@@ -11,9 +11,5 @@ if TYPE_CHECKING:
     from crane_viewer.view import View as View
 
 __getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "scene": ("ground_arc", "reached_places", "side_outline"),
-        "view": ("View",),
-    },
+    __name__, {"scene": ("ground_arc", "reached_places", "side_outline"), "view": ("View",)}
 )

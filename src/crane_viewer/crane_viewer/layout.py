@@ -1,4 +1,4 @@
-"""How the page is laid out: the crane on the left, its signals in columns beside it."""
+"""Layout of the page: the crane on the left, its signals in columns next to it."""
 
 import numpy as np
 import rerun as rr
@@ -66,14 +66,16 @@ def blueprint(machine: Machine, live: bool) -> rrb.Blueprint:
         )
 
     units = machine.units
-    pressured = [joint for joint, one in machine.cylinders.items() if one.pressure_sensors]
+    pressured = [
+        joint for joint, cylinder in machine.cylinders.items() if cylinder.pressure_sensors
+    ]
     motion = [plot(f"{joint} [{units[joint]}]", f"positions/{joint}/**") for joint in units]
     forces = [
         plot(f"{joint} [{'N m' if units[joint] == 'rad' else 'N'}]", f"forces/{joint}/**")
         for joint in pressured
     ]
     pressures = [plot(f"{joint} [MPa]", paths.pressures(joint)) for joint in pressured]
-    commands = plot("spool commands [-]", paths.COMMANDS, rrb.ScalarAxis(range=(-1.0, 1.0)))
+    commands = plot("valve commands [-]", paths.COMMANDS, rrb.ScalarAxis(range=(-1.0, 1.0)))
     settling = plot(
         "σ / |Θ| [%]", paths.UNCERTAINTY, rrb.ScalarAxis(range=(0.0, 25.0)), named=False
     )

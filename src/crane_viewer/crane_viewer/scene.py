@@ -1,4 +1,4 @@
-"""The crane in space: the URDF as it moves, its cylinders, its reach, and the way of its tip."""
+"""The crane in space: the URDF as it moves, its cylinders, its reach, and the path of its tip."""
 
 import math
 import tempfile
@@ -11,21 +11,30 @@ import numpy as np
 import rerun as rr
 
 from crane_model.actuators import CylinderActuator
-from crane_model.inspection.findings import poses
-from crane_model.inspection.picture import PlacedBar, placed_bars
+from crane_model.inspection import PlacedBar, placed_bars, poses
 from crane_model.kinematics import tip_position
 from crane_model.machine import Machine
 from crane_model.urdf import urdf
 from crane_viewer import paths
 
-# Cylinders and links as round bars, from the machine file: lengths, pistons and rods are true.
-
 BARREL = (38, 42, 48)
 ROD = (206, 212, 219)
 LINK = (104, 112, 122)
-WALL = 1.3  # of a barrel: radius outside over that of the piston
+WALL_RATIO = 1.3  # of a barrel: radius outside over that of the piston
 BARREL_SHARE = 0.92  # of the shortest length from pin to pin that the barrel takes
 LINK_SHARE = 0.04  # of its length: radius of a link
+
+REACH_POSES = 200_000
+AT_A_LIMIT_SHARE = 1 / 3  # share of the joints of a pose: there, most of the boundary is reached
+REACH_BANDS = 60  # of height, or of direction
+REACH_SEED = 0
+
+FRAME_PERIOD_NS = 50_000_000  # ns between two pictures: a browser shows no more, live
+TRAIL_PICTURES = 400  # 20 s of where the tip was
+REACH_COLOUR = (92, 140, 196, 150)
+TRAIL_COLOUR = (224, 92, 40)
+TIP_RADIUS_M = 0.035  # m
+LINE_RADIUS = rr.Radius.ui_points(1.5)
 
 
 class RoundBar(NamedTuple):
@@ -52,7 +61,7 @@ def _parts(machine: Machine, bar: PlacedBar) -> list[RoundBar]:
     share = min(BARREL_SHARE * actuator.length_min / length, 1.0)
     mouth = bar.begin + share * (bar.end - bar.begin)
     return [
-        RoundBar(bar.begin, mouth, WALL * piston, BARREL),
+        RoundBar(bar.begin, mouth, WALL_RATIO * piston, BARREL),
         RoundBar(bar.begin, bar.end, rod or 0.5 * piston, ROD),
     ]
 
@@ -66,28 +75,43 @@ def along_z(begin: np.ndarray, end: np.ndarray) -> tuple[float, float, float, fl
     return -y / (2.0 * w), x / (2.0 * w), 0.0, w
 
 
-# Where the tip of a machine can get, as lines to draw.
-
-POSES = 200_000
-AT_A_LIMIT = 1 / 3  # share of the joints of a pose: there, most of the boundary is reached
-BANDS = 60  # of height, or of direction
-SEED = 0
-
-
 @cache
 def reached_places(machine: Machine) -> np.ndarray:
-    """(n, 3) places of the tip within the limits, many of them on the boundary [m]."""
-    generator = np.random.default_rng(SEED)
+    """Sample where the tip can get.
+
+    Parameters
+    ----------
+    machine
+        Machine whose joints move within their limits.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Places of the tip in the base's frame, many of them on the boundary [m].
+    """
+    generator = np.random.default_rng(REACH_SEED)
     low, _, high = poses(machine)
-    q = generator.uniform(low, high, (POSES, len(low)))
-    at_limit = generator.random(q.shape) < AT_A_LIMIT
+    q = generator.uniform(low, high, (REACH_POSES, len(low)))
+    at_limit = generator.random(q.shape) < AT_A_LIMIT_SHARE
     limit = np.where(generator.random(q.shape) < 0.5, low, high)
     return tip_position(machine, np.where(at_limit, limit, q))
 
 
 def side_outline(places: np.ndarray) -> np.ndarray:
-    """(m, 2) closed outline of places (n, 3), seen along the ground: radius and height [m].
+    """Outline of places, seen along the ground.
 
+    Parameters
+    ----------
+    places : ndarray, shape (n, 3)
+        Places in the base's frame [m].
+
+    Returns
+    -------
+    ndarray, shape (m, 2)
+        Radius and height of a closed line [m].
+
+    Examples
+    --------
     >>> places = np.array([[1.0, 0.0, 0.0], [0.0, 3.0, 0.0], [2.0, 0.0, 1.0]])
     >>> side_outline(places)[:, 0].tolist()  # out along the outer side, back along the inner one
     [3.0, 2.0, 2.0, 1.0, 3.0]
@@ -95,38 +119,43 @@ def side_outline(places: np.ndarray) -> np.ndarray:
     radius, height = np.hypot(places[:, 0], places[:, 1]), places[:, 2]
     band = _bands(height, height.min(), height.max())
     present = np.unique(band)
-    centre = height.min() + (present + 0.5) * (np.ptp(height) or 1.0) / BANDS
-    inner = np.array([radius[band == one].min() for one in present])
-    outer = np.array([radius[band == one].max() for one in present])
+    centre = height.min() + (present + 0.5) * (np.ptp(height) or 1.0) / REACH_BANDS
+    inner = np.array([radius[band == band_number].min() for band_number in present])
+    outer = np.array([radius[band == band_number].max() for band_number in present])
     out, back = np.stack([outer, centre], axis=1), np.stack([inner, centre], axis=1)[::-1]
     return np.concatenate([out, back, out[:1]])
 
 
 def ground_arc(places: np.ndarray) -> np.ndarray:
-    """(m, 2) farthest places (n, 3) in every direction that is reached, seen from above [m]."""
+    """Farthest places in every direction that is reached, seen from above.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n, 3)
+        Places in the base's frame [m].
+
+    Returns
+    -------
+    ndarray, shape (m, 2)
+        Coordinates x and y of a line [m].
+    """
     angle, radius = np.arctan2(places[:, 1], places[:, 0]), np.hypot(places[:, 0], places[:, 1])
     band = _bands(angle, -np.pi, np.pi)
     present = np.unique(band)
-    centre = -np.pi + (present + 0.5) * 2.0 * np.pi / BANDS
+    centre = -np.pi + (present + 0.5) * 2.0 * np.pi / REACH_BANDS
     gap = int(np.argmax(np.diff(centre, append=centre[0] + 2.0 * np.pi))) + 1
     centre = np.roll(centre, -gap)  # the line begins where the widest gap ends
-    farthest = np.array([radius[band == one].max() for one in np.roll(present, -gap)])
+    farthest = np.array(
+        [radius[band == band_number].max() for band_number in np.roll(present, -gap)]
+    )
     return farthest[:, None] * np.stack([np.cos(centre), np.sin(centre)], axis=1)
 
 
 def _bands(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """(n,) whole numbers from 0 to `BANDS` - 1."""
+    """(n,) whole numbers from 0 to `REACH_BANDS` - 1."""
     share = (values - low) / ((high - low) or 1.0)
-    bands: np.ndarray = np.minimum((share * BANDS).astype(int), BANDS - 1)
+    bands: np.ndarray = np.minimum((share * REACH_BANDS).astype(int), REACH_BANDS - 1)
     return bands
-
-
-FRAME_PERIOD_NS = 50_000_000  # ns between two pictures: a browser shows no more, live
-TRAIL_PICTURES = 400  # 20 s of where the tip was
-REACH_COLOUR = (92, 140, 196, 150)
-TRAIL_COLOUR = (224, 92, 40)
-TIP_RADIUS = 0.035  # m
-LINE_RADIUS = rr.Radius.ui_points(1.5)
 
 
 class Scene3D:
@@ -140,7 +169,9 @@ class Scene3D:
             self._tree = rr.urdf.UrdfTree.from_file_path(file, entity_path_prefix=paths.ROBOT)
         moving = [self._tree.get_joint_by_name(joint.name) for joint in machine.joints]
         led = [machine.led_by(joint) for joint in machine.joints]
-        self._joints = [(one, *by) for one, by in zip(moving, led, strict=True) if one is not None]
+        self._joints = [
+            (joint, *by) for joint, by in zip(moving, led, strict=True) if joint is not None
+        ]
         places = reached_places(machine)
         self._outline, self._arc = side_outline(places), ground_arc(places)
         self._trail: deque[np.ndarray] = deque(maxlen=TRAIL_PICTURES)
@@ -160,7 +191,6 @@ class Scene3D:
 
     @property
     def posed(self) -> bool:
-        """Whether a pose has been shown."""
         return bool(self._trail)
 
     def show(self, stamps: np.ndarray, positions: np.ndarray) -> None:
@@ -191,7 +221,7 @@ class Scene3D:
             recording.log(paths.CYLINDERS, cylinders)
         tip = tip_position(machine, q)[0]
         self._trail.append(tip)
-        recording.log(paths.TIP, rr.Points3D([tip], radii=TIP_RADIUS, colors=TRAIL_COLOUR))
+        recording.log(paths.TIP, rr.Points3D([tip], radii=TIP_RADIUS_M, colors=TRAIL_COLOUR))
         trail = rr.LineStrips3D([list(self._trail)], radii=LINE_RADIUS, colors=TRAIL_COLOUR)
         recording.log(paths.TRAIL, trail)
         reach = [self._outline_towards(tip), np.insert(self._arc, 2, 0.0, axis=1)]

@@ -1,4 +1,4 @@
-"""What messages become in the view, whether they come from topics or from a bag."""
+"""Conversion of messages to the view, whether they come from topics or from a bag."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -31,9 +31,19 @@ from crane_model.machine import Machine
 from crane_viewer import layout, paths
 from crane_viewer.scene import Scene3D
 
-# Which sample becomes which line: measured, asked for, commanded, predicted.
-
 MEGAPASCAL = 1e6  # Pa
+
+LEVEL_OK = 0  # diagnostic_msgs/DiagnosticStatus.level
+LEVEL_NAMES = {LEVEL_OK: "INFO", 1: "WARN", 2: "ERROR", 3: "WARN"}  # 3: stale
+SHOWN_DIGITS = 4
+
+APPLICATION = "crane"
+NOT_SHOWN = (
+    ROBOT_DESCRIPTION,  # the machine's file gives it
+    *(VALVE_OUTPUT, POSITION_ESTIMATE, TIP_LOAD),
+)
+SHOWN = tuple(topic for topic in TOPICS if topic not in NOT_SHOWN)
+"""The topics that are listened to."""
 
 
 class PlottedLines(NamedTuple):
@@ -59,7 +69,7 @@ def signals(topic: Topic, table: Table, joints: tuple[str, ...]) -> Iterator[Plo
                 yield from _present(paths.reference(joint), table, table.fields["position"][:, k])
         case CYLINDER_PRESSURES.relative:
             for k, joint in known:
-                chambers = [table.fields[f"chamber_{one}"][:, k] for one in "ab"]
+                chambers = [table.fields[f"chamber_{chamber}"][:, k] for chamber in "ab"]
                 values = np.stack(chambers, axis=1) / MEGAPASCAL
                 yield from _present(paths.pressures(joint), table, values)
         case VALVE_COMMAND.relative:
@@ -82,13 +92,6 @@ def _present(path: str, table: Table, values: np.ndarray) -> Iterator[PlottedLin
         yield PlottedLines(path, table.stamp[rows], values[rows])
 
 
-# What is told in words: the driver's state, faults as they come, and Θ with its σ.
-
-OK = 0  # diagnostic_msgs/DiagnosticStatus.level
-LEVELS = {OK: "INFO", 1: "WARN", 2: "ERROR", 3: "WARN"}  # 3: stale
-DIGITS = 4
-
-
 class LogLine(NamedTuple):
     """A line of the log."""
 
@@ -108,14 +111,14 @@ def driver_event(state: Any) -> LogLine:
     parts = [state.text]
     if state.source:
         parts[0] += f" ({state.source})"
-    parts += [one for one in (state.cause, state.remedy) if one]
+    parts += [part for part in (state.cause, state.remedy) if part]
     return LogLine(level, f"{state.node}: {'; '.join(parts)}")
 
 
 def driver_page(state: Any) -> str:
     """The same as Markdown."""
     lines = [f"# {state.text}"]
-    lines += [one for one in (state.cause, f"*{state.remedy}*" if state.remedy else "") if one]
+    lines += [line for line in (state.cause, f"*{state.remedy}*" if state.remedy else "") if line]
     if state.further_faults:
         lines.append(f"{state.further_faults} further faults, mostly its consequences")
     if state.commands_refused:
@@ -134,14 +137,14 @@ class Diagnostics:
         for status in message.status:
             level = status.level if isinstance(status.level, int) else status.level[0]
             now = (int(level), status.message)
-            before = self._before.get(status.name, (OK, ""))
+            before = self._before.get(status.name, (LEVEL_OK, ""))
             self._before[status.name] = now
-            if now != before and (now[0] != OK or before[0] != OK):
-                yield LogLine(LEVELS.get(now[0], "WARN"), f"{status.name}: {status.message}")
+            if now != before and (now[0] != LEVEL_OK or before[0] != LEVEL_OK):
+                yield LogLine(LEVEL_NAMES.get(now[0], "WARN"), f"{status.name}: {status.message}")
 
 
 def finding_events(message: Any) -> Iterable[LogLine]:
-    """Sensors that lie, a line each, of a SensorFindings."""
+    """Faulty sensors of a SensorFindings, a line each."""
     for sensor, kind, what in zip(message.sensor, message.kind, message.what_to_do, strict=True):
         yield LogLine("WARN", f"{sensor}: {kind}; {what}")
 
@@ -163,27 +166,31 @@ def estimate_page(estimate: Any) -> str:
         estimate.name, estimate.value, estimate.std_dev, shares, estimate.unit, strict=True
     ):
         known = math.isfinite(deviation) and math.isfinite(value)
-        told = f"{value:.{DIGITS}g} | {deviation:.2g} | {share:.1f} %" if known else "– | – | –"
+        told = (
+            f"{value:.{SHOWN_DIGITS}g} | {deviation:.2g} | {share:.1f} %" if known else "– | – | –"
+        )
         rows.append(f"| {name} | {told} | {unit or '-'} |")
     return "\n".join(rows)
 
 
-APPLICATION = "crane"
-NOT_SHOWN = (
-    ROBOT_DESCRIPTION,  # the machine's file gives it
-    *(VALVE_OUTPUT, POSITION_ESTIMATE, TIP_LOAD),
-)
-SHOWN = tuple(one for one in TOPICS if one not in NOT_SHOWN)
-"""The topics that are listened to."""
-
-
 class View:
-    """A recording of Rerun, filled from the CDR of messages, for a server, a file or both."""
+    """A recording of Rerun, filled from the CDR of messages, for a server, a file or both.
+
+    Parameters
+    ----------
+    machine
+        Machine that is shown.
+    live
+        Whether messages come as they are sent.
+    server
+        gRPC address of Rerun; None: no server.
+    file
+        File (.rrd) that is written; None: none.
+    """
 
     def __init__(
         self, machine: Machine, live: bool, server: str | None = None, file: Path | None = None
     ):
-        """server: gRPC address of Rerun; live: messages come as they are sent."""
         self._machine, self._store = machine, typestore()
         self._recording = rr.RecordingStream(APPLICATION)
         sinks: list[rr.GrpcSink | rr.FileSink] = [rr.GrpcSink(server)] if server else []
@@ -198,9 +205,21 @@ class View:
         self._parameters: tuple[str, ...] = ()
 
     def take(self, topic: Topic, received: Sequence[int], messages: Sequence[bytes]) -> None:
-        """Show messages of a topic, with their times of reception [ns] for those without a stamp.
+        """Show messages of a topic.
 
-        `SerdeError` or `ValueError` where bytes are not of this type.
+        Parameters
+        ----------
+        topic
+            Topic of the messages.
+        received
+            Time of reception of each message [ns], used if it has no stamp.
+        messages
+            Messages as they are sent (CDR).
+
+        Raises
+        ------
+        SerdeError, ValueError
+            If bytes are not of the type of the topic.
         """
         match topic:
             case _ if topic.msgtype == DRIVER_STATE.msgtype:
@@ -216,15 +235,12 @@ class View:
 
     @property
     def posed(self) -> bool:
-        """Whether the machine has been shown in a pose."""
         return self._scene.posed
 
     def flush(self) -> None:
-        """Send what has been taken so far."""
         self._recording.flush()
 
     def finish(self) -> None:
-        """Send what is left, and close the file."""
         self.flush()
         self._recording.disconnect()
 

@@ -1,4 +1,4 @@
-"""The topics as a view: a node that subscribes and does nothing else."""
+"""A node that shows topics in the view: it subscribes and does nothing else."""
 
 import os
 import time
@@ -9,15 +9,15 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.serde import SerdeError
 
-from crane_nodes.executor import KeptExecutor
+from crane_nodes.executor import KeptExecutor, Polled
 from crane_nodes.managed import ros, say_ready
-from crane_nodes.polled import Polled
 from crane_nodes.recording.bag import message_class
-from crane_nodes.scheduling import schedule
+from crane_nodes.this_computer import schedule
 from crane_viewer.view import SHOWN, View
 
 VISIT_PERIOD_S = 0.1  # between two visits to the queues: rarely, so that looking costs little
-DEPTH = 200  # messages of a topic that may wait for a visit, at 200 Hz ten times as many as come
+# Messages of a topic that may wait for a visit, at 200 Hz ten times as many as come
+VIEWER_DEPTH = 200
 
 
 def show_topics(view: View, arguments: Sequence[str], beside: Sequence[int]) -> None:
@@ -63,7 +63,6 @@ class Viewer(Node):
         self._wrong: set[str] = set()
 
     def visit(self) -> None:
-        """Show what has come since the last visit."""
         for topic, polled in self._polled:
             if not (taken := list(polled.take())):
                 continue
@@ -80,8 +79,8 @@ def _quality(latched: bool) -> QoSProfile:
     """Best effort: a publisher never waits for who only looks."""
     if latched:
         return QoSProfile(
-            depth=DEPTH,
+            depth=VIEWER_DEPTH,
             reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
-    return QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+    return QoSProfile(depth=VIEWER_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)

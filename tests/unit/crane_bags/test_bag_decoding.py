@@ -9,8 +9,15 @@ from hypothesis import strategies as st
 from rosbags.serde import SerdeError
 
 from crane_bags import decoding
-from crane_bags.bulk import UnusualError, blocks, find_layout
-from crane_bags.decoding import Table, decode, decode_by_rosbags, same
+from crane_bags.decoding import (
+    Table,
+    UnusualError,
+    blocks,
+    decode,
+    decode_by_rosbags,
+    find_layout,
+    same,
+)
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, typestore
 
 Serializer = Callable[..., bytes]

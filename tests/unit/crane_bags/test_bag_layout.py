@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crane_bags.layout import ArrayMessage
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
@@ -13,6 +12,7 @@ from crane_bags.types import (
     double_fields,
     typestore,
 )
+from crane_bags.writer import ArrayMessage
 
 DOUBLES = st.floats(allow_nan=True, allow_infinity=True)
 NAMES = st.lists(

@@ -11,10 +11,15 @@ from laboratory_crane import JOINTS
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import StoragePlugin
 
-from crane_bags.chunks import MESSAGE, RECORD
 from crane_bags.clocks import SetBack, clock_step
 from crane_bags.reader import TopicData, read_topics
-from crane_bags.storage import BLOCK, messages, open_bag
+from crane_bags.storage import (
+    BLOCK_MESSAGES,
+    MESSAGE_HEADER_BYTES,
+    RECORD_HEADER_BYTES,
+    messages,
+    open_bag,
+)
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
@@ -182,7 +187,7 @@ def test_record_longer_than_its_chunk(five_messages: list[Message], tmp_path: Pa
             writer.add_message(channel, log_time, data, log_time)
         writer.finish()
     content = bytearray(path.read_bytes())
-    record = content.index(five_messages[-1][1]) - MESSAGE - RECORD
+    record = content.index(five_messages[-1][1]) - MESSAGE_HEADER_BYTES - RECORD_HEADER_BYTES
     content[record + 2] ^= 0x80  # the second byte of its length
     path.write_bytes(content)
     with pytest.raises(DataError, match="damaged"):
@@ -217,7 +222,7 @@ def test_qos_of_the_metadata_that_the_file_does_not_state(
 
 def test_own_bag_with_several_topics_longer_than_a_block(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
-    count = BLOCK + 10
+    count = BLOCK_MESSAGES + 10
     states, pressures = random.normal(size=(count, 3, 4)), random.normal(size=(count, 2, 3))
     pressures[7, 0, 1] = np.nan
     with BagWriter(tmp_path / "bag") as bag:

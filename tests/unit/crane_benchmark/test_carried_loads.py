@@ -15,9 +15,9 @@ def test_loads_are_those_of_the_held_out_recordings():
     )
     count = len(trained.parameters)
     model = trained.with_estimate(np.arange(float(count)), np.ones(count), "made")
-    other = carrying(model, {1: 30.0, 0: 20.0})
-    (term,) = (one for one in other.terms if isinstance(one, Payload))
+    changed = carrying(model, {1: 30.0, 0: 20.0})
+    (term,) = (term for term in changed.terms if isinstance(term, Payload))
     assert term.loads == (Load(runs=(1,)), Load(runs=(0,)))
-    assert other.theta[other.part(term)].tolist() == [30.0, 20.0]
-    assert other.theta[: count - 2].tolist() == list(range(count - 2))
+    assert changed.theta[changed.part(term)].tolist() == [30.0, 20.0]
+    assert changed.theta[: count - 2].tolist() == list(range(count - 2))
     assert carrying(load_model(machine_file("model.yaml")), {}).terms

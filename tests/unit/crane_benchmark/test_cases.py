@@ -2,22 +2,23 @@
 
 import pytest
 
-from crane_benchmark.away.families import FAMILIES
-from crane_benchmark.cases.case import CaseKind, EffectToHide, Site, Story, World
+from crane_benchmark.cases.case import CaseKind, EffectToHide, Simulator, Story, World
 from crane_benchmark.cases.case_sets import (
+    ABSORBED,
     SHARES,
+    STORIES,
     STRENGTHS,
     CaseSet,
     apportioned,
     cases,
     with_others,
 )
-from crane_benchmark.cases.drawn import ABSORBED, STORIES
 from crane_benchmark.cases.motions import LABORATORY_CRANE, Richness
-from crane_benchmark.cases.sites import AS_DRAWN, LAWS, SURVEYED, drawn_effects, drawn_machine
-from crane_identification.diagnosis.flow.usual import load_usual
-from crane_sim.hiding.label import HiddenEffect
-from crane_sim.parts.parameters import load_stand_in
+from crane_benchmark.cases.simulators import AS_DRAWN, LAWS, SURVEYED, drawn_effects, drawn_machine
+from crane_benchmark.independent.readings import FAMILIES
+from crane_identification.diagnosis.flow import load_usual
+from crane_sim.ground_truth import InjectedEffect
+from crane_sim.parts.parameters import load_simulated_crane
 
 
 def test_sets_share_no_case():
@@ -26,11 +27,11 @@ def test_sets_share_no_case():
     assert len(set(names)) == len(set(seeds)) == 60 * len(CaseSet)
 
 
-@pytest.mark.parametrize("site", Site)
-def test_kinds_have_their_shares_and_names_tell_nothing(site):
+@pytest.mark.parametrize("simulator", Simulator)
+def test_kinds_have_their_shares_and_names_tell_nothing(simulator):
     drawn = cases(CaseSet.SCORING, 400)
     assert len({case.name for case in drawn}) == 400
-    drawn = [case for case in drawn if case.site is site]
+    drawn = [case for case in drawn if case.simulator is simulator]
     kinds = [case.kind for case in drawn]
     assert {kind: kinds.count(kind) for kind in CaseKind} == {
         kind: round(200 * share) for kind, share in SHARES.items()
@@ -51,7 +52,7 @@ def test_lengths_are_off_in_cases_of_their_own_and_half_of_those_that_hide_effec
         assert not (case.off and case.kind is CaseKind.NOTHING)
     hiding = [case.off for case in drawn if case.effects]
     assert 0.4 < sum(hiding) / len(hiding) < 0.6
-    for which in (CaseSet.CALIBRATION, CaseSet.AWAY_CLEAN):
+    for which in (CaseSet.CALIBRATION, CaseSet.INDEPENDENT_CLEAN):
         assert not any(case.off for case in cases(which, 40))
 
 
@@ -81,41 +82,45 @@ def test_strangers_tell_every_story_and_their_effects_can_be_hidden():
         story: 2 * STORIES.count(story) for story in Story
     }
     for case in told:
-        for one in case.effects:
-            HiddenEffect(**one.model_dump(exclude={"carried"}))
+        for effect in case.effects:
+            InjectedEffect(**effect.model_dump(exclude={"carried"}))
 
 
 def test_effects_of_a_story_that_no_motion_shows_are_told_anew():
     for case in cases(CaseSet.STRANGERS, 12):
         again = with_others(case, 4)
         assert (again.name, again.seed, again.story) == (case.name, case.seed, case.story)
-        assert [one.strength for one in again.effects] == [one.strength for one in case.effects]
+        assert [effect.strength for effect in again.effects] == [
+            effect.strength for effect in case.effects
+        ]
 
 
-@pytest.mark.parametrize("which", [CaseSet.SCORING, CaseSet.AWAY_TUNING])
+@pytest.mark.parametrize("which", [CaseSet.SCORING, CaseSet.INDEPENDENT_TUNING])
 def test_cases_hide_laws_of_the_families_of_their_site(which):
     for case in cases(which, 120):
-        for one in case.effects:
-            assert one.form in {form.name for form in LAWS[case.site][one.effect]}
+        for effect in case.effects:
+            assert effect.form in {form.name for form in LAWS[case.simulator][effect.effect]}
         if case.world is World.FIELD:  # long after the start nothing is cold
-            assert "warm_up" not in {one.effect for one in case.effects}
+            assert "warm_up" not in {effect.effect for effect in case.effects}
             if case.kind in (CaseKind.SINGLE, CaseKind.PAIR):
-                assert "warm_up" not in {one.effect for one in with_others(case, 1).effects}
+                assert "warm_up" not in {effect.effect for effect in with_others(case, 1).effects}
 
 
-@pytest.mark.parametrize("site", Site)
-def test_families_have_three_laws_each_of_which_two_draws_differ(site):
-    stand_in = load_stand_in()
-    for effect, laws in LAWS[site].items():
+@pytest.mark.parametrize("simulator", Simulator)
+def test_families_have_three_laws_each_of_which_two_draws_differ(simulator):
+    simulated = load_simulated_crane()
+    for effect, laws in LAWS[simulator].items():
         if effect in ABSORBED:  # nothing shows it: it is not hidden
             continue
         assert len({law.law for law in laws}) >= 3, effect
         for law in laws:
             joint = next(iter(law.where.joints(LABORATORY_CRANE)), None)
             wanted = (EffectToHide(effect=effect, joint=joint, form=law.name, strength=0.04),)
-            one, other = (drawn_effects(site, wanted, stand_in, seed)[0] for seed in (1, 2))
-            assert len(one.values) == 1 + len(law.draws)
-            assert (one.values[1:] != other.values[1:]) or not law.draws
+            first, second = (
+                drawn_effects(simulator, wanted, simulated, seed)[0] for seed in (1, 2)
+            )
+            assert len(first.values) == 1 + len(law.draws)
+            assert (first.values[1:] != second.values[1:]) or not law.draws
         assert any(law.draws for law in laws), effect
 
 
@@ -124,10 +129,10 @@ def test_the_second_plant_has_a_catalogue_of_its_own():
     assert sum(laws[0].outside for laws in FAMILIES.values()) >= 4
 
 
-@pytest.mark.parametrize("site", Site)
-def test_machines_differ_from_their_file_as_their_case_says(site):
+@pytest.mark.parametrize("simulator", Simulator)
+def test_machines_differ_from_their_file_as_their_case_says(simulator):
     pytest.importorskip("mujoco")
-    case = next(one for one in cases(CaseSet.SCORING, 400) if one.site is site)
+    case = next(case for case in cases(CaseSet.SCORING, 400) if case.simulator is simulator)
     for off, most in ((True, AS_DRAWN), (False, SURVEYED)):
         largest = 0.0
         for seed in range(12):
@@ -144,20 +149,24 @@ def test_machines_differ_from_their_file_as_their_case_says(site):
 
 
 def test_machines_at_home_differ_and_stay_usual():
-    case = next(one for one in cases(CaseSet.SCORING, 400) if one.site is Site.HOME)
-    drawn = [drawn_machine(case, LABORATORY_CRANE, seed).stand_in for seed in range(40)]
-    assert {one.step for one in drawn} == {1e-4, 2e-4}
-    masses = [one.bodies["gripper"].mass / load_stand_in().bodies["gripper"].mass for one in drawn]
+    case = next(case for case in cases(CaseSet.SCORING, 400) if case.simulator is Simulator.PRIMARY)
+    drawn = [drawn_machine(case, LABORATORY_CRANE, seed).simulated for seed in range(40)]
+    assert {parameters.step for parameters in drawn} == {1e-4, 2e-4}
+    masses = [
+        parameters.bodies["gripper"].mass / load_simulated_crane().bodies["gripper"].mass
+        for parameters in drawn
+    ]
     assert 0.7 <= min(masses) < 0.8 and 1.2 < max(masses) <= 1.3
     usual = load_usual()
-    for one in drawn:
-        assert one.oil.bulk_modulus > usual.bulk_modulus
-        assert all(inside.leakage < usual.leakage for inside in one.cylinders.values())
-        assert one.dynamic_friction is None
-    assert drawn[3] == drawn_machine(case, LABORATORY_CRANE, 3).stand_in
+    for parameters in drawn:
+        assert parameters.oil.bulk_modulus > usual.bulk_modulus
+        assert all(inside.leakage < usual.leakage for inside in parameters.cylinders.values())
+        assert parameters.dynamic_friction is None
+    assert drawn[3] == drawn_machine(case, LABORATORY_CRANE, 3).simulated
 
 
-def test_nothing_is_hidden_in_clean_cases_away():
+def test_nothing_is_hidden_in_clean_cases_of_the_independent_simulator():
     assert all(
-        not case.effects and case.site is Site.AWAY for case in cases(CaseSet.AWAY_CLEAN, 20)
+        not case.effects and case.simulator is Simulator.INDEPENDENT
+        for case in cases(CaseSet.INDEPENDENT_CLEAN, 20)
     )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crane_benchmark.observing.consistency import Consistency, Freedom, of_recordings
+from crane_benchmark.observing.observer import Consistency, Freedom, of_recordings
 
 MOMENTS, RUNS = 400, 300
 NOISE, READING, FADES = 0.1, 2.0, 0.98  # of a walk, of its reading; of an offset
@@ -60,15 +60,15 @@ def test_the_band_holds_runs_of_a_filter_that_is_right() -> None:
     assert nees.mean() == pytest.approx(1.0, abs=0.1)
     assert 3.0 < freedom < 30.0  # few: errors stay
     assert nees.var() == pytest.approx(2.0 / freedom, rel=0.3)
-    assert 0.92 <= np.mean([Consistency(one, freedom).holds for one in nees]) <= 0.98
+    assert 0.92 <= np.mean([Consistency(value, freedom).holds for value in nees]) <= 0.98
 
 
 @pytest.mark.parametrize("size", [0.5, 2.0])
 def test_recordings_together_tell_widths_that_are_wrong(size: float) -> None:
     nees, freedom = nees_of_runs()
     together = [
-        of_recordings([Consistency(one, freedom) for one in some]) for some in nees.reshape(-1, 10)
+        of_recordings([Consistency(row, freedom) for row in some]) for some in nees.reshape(-1, 10)
     ]
-    assert np.mean([one.holds for one in together]) > 0.8
-    wrong = [one._replace(nees=size**2 * one.nees) for one in together]
-    assert np.mean([one.holds for one in wrong]) < 0.05
+    assert np.mean([row.holds for row in together]) > 0.8
+    wrong = [row._replace(nees=size**2 * row.nees) for row in together]
+    assert np.mean([row.holds for row in wrong]) < 0.05

@@ -7,32 +7,32 @@ import pytest
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 
 from crane_benchmark.cases.case import Case, CaseKind, EffectToHide, HiddenInRecording
-from crane_benchmark.cases.clean import load_seen, save_clean
+from crane_benchmark.cases.simulators import load_seen, save_clean
 from crane_benchmark.scores.truth import CaseTruth, beyond_usual
-from crane_identification.diagnosis.findings_file import FindingEntry, Findings, FoundParameter
-from crane_identification.diagnosis.flow.usual import load_usual
+from crane_identification.diagnosis.findings import FindingEntry, Findings, FoundParameter
+from crane_identification.diagnosis.flow import load_usual
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
-from crane_sim.hiding.label import Clean, LabelledEffect, LabelledParameter
-from crane_sim.parts.parameters import Edges, load_stand_in
+from crane_sim.ground_truth import Clean, TrueEffect, TrueParameter
+from crane_sim.parts.parameters import Edges, load_simulated_crane
 
 JOINT = "outer_boom"
 FORCE = 4000.0  # N m
 MODEL = load_model(machine_file("model.yaml"))
-STAND_IN = load_stand_in()
-COUNT = STAND_IN.sensors.encoder_resolution[JOINT]
+SIMULATED = load_simulated_crane()
+COUNT = SIMULATED.sensors.encoder_resolution[JOINT]
 
 
-def labelled(name: str, joint: str | None, form: str = "any", **values: float) -> LabelledEffect:
+def labelled(name: str, joint: str | None, form: str = "any", **values: float) -> TrueEffect:
     """An entry of a label."""
-    return LabelledEffect(
+    return TrueEffect(
         effect=name,
         name=name,
         joint=joint,
         form=form,
         parameters=[
-            LabelledParameter(name=one, value=value, unit="1") for one, value in values.items()
+            TrueParameter(name=name, value=value, unit="1") for name, value in values.items()
         ],
         strength_requested=None,
         strength=0.0,
@@ -87,7 +87,7 @@ def presliding(travel: float, tmp_path) -> CaseTruth:
     assert seen.used[:, planar].mean() > 0.9
     effect = EffectToHide(effect="presliding", joint=JOINT, form="bouc_wen", strength=0.02)
     case = Case(name="presliding", kind=CaseKind.SINGLE, seed=(0, 0), effects=(effect,))
-    return CaseTruth(case, STAND_IN, (), seen, seen)
+    return CaseTruth(case, SIMULATED, (), seen, seen)
 
 
 def test_memory_within_two_counts_of_an_encoder_is_not_identifiable(tmp_path):
@@ -151,16 +151,16 @@ def still() -> Record:
     ],
 )  # fmt: skip
 def test_valves_and_oil_count_beyond_what_is_usual(effect, form, values, beyond):
-    found = beyond_usual(labelled(effect, JOINT, form, **values), STAND_IN, still(), load_usual())
+    found = beyond_usual(labelled(effect, JOINT, form, **values), SIMULATED, still(), load_usual())
     assert found == (None if beyond is None else pytest.approx(beyond, abs=0.02))
 
 
 def test_what_is_hidden_in_a_valve_adds_to_what_the_machine_has():
     """Gains of the edges, and a dead zone that is wider one way."""
-    given = STAND_IN.valves[JOINT]
+    given = SIMULATED.valves[JOINT]
     uneven = Edges(supply_a=1.05, a_tank=0.95, supply_b=0.57, b_tank=0.63)  # 5 % by themselves
     valve = given.model_copy(update={"edges": uneven, "null_bias": 0.01})
-    valves = {**STAND_IN.valves, JOINT: valve}
+    valves = {**SIMULATED.valves, JOINT: valve}
     usual = load_usual().model_copy(update={"asymmetry": 0.05, "dead_zone": {JOINT: 0.05}})
     beyond = {}
     for name, parameter, size in (
@@ -169,8 +169,8 @@ def test_what_is_hidden_in_a_valve_adds_to_what_the_machine_has():
         ("valve_dead_zone", "band", 0.0),
     ):
         label = labelled(name, JOINT, **{parameter: size})
-        stand_in = STAND_IN.model_copy(update={"valves": valves})
-        beyond[name, size] = beyond_usual(label, stand_in, still(), usual)
+        simulated = SIMULATED.model_copy(update={"valves": valves})
+        beyond[name, size] = beyond_usual(label, simulated, still(), usual)
     assert beyond["valve_asymmetry", 0.05] == pytest.approx(0.5, abs=0.01)
     assert beyond["valve_asymmetry", -0.05] == 0.0
     assert beyond["valve_dead_zone", 0.0] == pytest.approx(1 - 0.05 / 0.06)

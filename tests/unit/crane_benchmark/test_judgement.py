@@ -6,7 +6,7 @@ from crane_benchmark.answers.answer_cases import CaseAnswer
 from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.leave_one_out import Left, became
 from crane_benchmark.scores.judgement import BlindAnswer, Judgement, judge
-from crane_identification.diagnosis.findings_file import FindingEntry, Findings, FoundEffect
+from crane_identification.diagnosis.findings import FindingEntry, Findings, FoundEffect
 
 STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")
 """Two effects."""
@@ -35,8 +35,8 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
             Judgement.WRONG_NAME,
         ),
         (CaseKind.OUTSIDE, [("detent", "telescope")], answer("none"), Judgement.MISSED),
-        (CaseKind.NOTHING, [], answer("class", (LINKAGE, GAIN)), Judgement.FALSE_ALARM),
-        (CaseKind.SINGLE, [STRIBECK], answer("class", (LINKAGE, GAIN)), Judgement.WRONG_NAME),
+        (CaseKind.NOTHING, [], answer("ambiguous", (LINKAGE, GAIN)), Judgement.FALSE_ALARM),
+        (CaseKind.SINGLE, [STRIBECK], answer("ambiguous", (LINKAGE, GAIN)), Judgement.WRONG_NAME),
         (CaseKind.SINGLE, [STRIBECK], answer("named", (STRIBECK,)), Judgement.RIGHT),
         (
             CaseKind.SINGLE,
@@ -51,7 +51,7 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
             Judgement.WRONG_NAME,
         ),
         (CaseKind.SINGLE, [CYCLIC], answer("named", (LINEAR,)), Judgement.RIGHT),
-        (CaseKind.SINGLE, [CYCLIC], answer("class", (CYCLIC, LINEAR)), Judgement.RIGHT),
+        (CaseKind.SINGLE, [CYCLIC], answer("ambiguous", (CYCLIC, LINEAR)), Judgement.RIGHT),
         (CaseKind.SINGLE, [CYCLIC], answer("named", (LINEAR,), (CYCLIC,)), Judgement.RIGHT),
         (CaseKind.PAIR, [CYCLIC, LOAD], answer("named", (LINEAR,), (CYCLIC,)), Judgement.PARTLY),
         (
@@ -60,7 +60,7 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
             answer("named", (("position_friction", "inner_boom"),)),
             Judgement.WRONG_NAME,
         ),
-        (CaseKind.SINGLE, [STRIBECK], answer("class", (LOAD, STRIBECK)), Judgement.TOO_WIDE),
+        (CaseKind.SINGLE, [STRIBECK], answer("ambiguous", (LOAD, STRIBECK)), Judgement.TOO_WIDE),
         (CaseKind.SINGLE, [STRIBECK], answer("unknown"), Judgement.NOT_NAMED),
         (CaseKind.SINGLE, [STRIBECK], answer("crash"), Judgement.CRASH),
         (CaseKind.PAIR, [STRIBECK, LOAD], answer("named", (LOAD,), (STRIBECK,)), Judgement.RIGHT),
@@ -77,19 +77,19 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
         (CaseKind.NOTHING, [], answer("named_and_more", (STRIBECK,)), Judgement.FALSE_ALARM),
         (CaseKind.INSUFFICIENT, [STRIBECK], answer("insufficient_data"), Judgement.RIGHT),
         (CaseKind.INSUFFICIENT, [STRIBECK], answer("none"), Judgement.MISSED),
-        (CaseKind.INSUFFICIENT, [STRIBECK], answer("class", (LOAD, STRIBECK)), Judgement.RIGHT),
+        (CaseKind.INSUFFICIENT, [STRIBECK], answer("ambiguous", (LOAD, STRIBECK)), Judgement.RIGHT),
         (CaseKind.INSUFFICIENT, [STRIBECK], answer("named", (LOAD,)), Judgement.WRONG_NAME),
         (
             CaseKind.CLASS,
             [],
-            answer("class", (("offset", "telescope"), ("coulomb_asymmetry", "telescope"))),
+            answer("ambiguous", (("offset", "telescope"), ("coulomb_asymmetry", "telescope"))),
             Judgement.RIGHT,
         ),
         (CaseKind.CLASS, [], answer("named", (("offset", "telescope"),)), Judgement.WRONG_NAME),
     ],
 )
 def test_answers_are_judged(kind, hidden, given, outcome):
-    assert judge(kind, hidden, given, lambda number, other: False) is outcome
+    assert judge(kind, hidden, given, lambda number, rival: False) is outcome
 
 
 @pytest.mark.parametrize(
@@ -99,14 +99,14 @@ def test_answers_are_judged(kind, hidden, given, outcome):
         (CaseKind.LENGTHS, [], answer("none"), Judgement.MISSED),
         (CaseKind.LENGTHS, [], answer("named", (STRIBECK,)), Judgement.WRONG_NAME),
         (CaseKind.LENGTHS, [], answer("named", (GAIN,)), Judgement.RIGHT),
-        (CaseKind.LENGTHS, [], answer("class", (LINKAGE, GAIN)), Judgement.RIGHT),
-        (CaseKind.LENGTHS, [], answer("class", (LINKAGE, STRIBECK)), Judgement.TOO_WIDE),
+        (CaseKind.LENGTHS, [], answer("ambiguous", (LINKAGE, GAIN)), Judgement.RIGHT),
+        (CaseKind.LENGTHS, [], answer("ambiguous", (LINKAGE, STRIBECK)), Judgement.TOO_WIDE),
         (CaseKind.LENGTHS, [], answer("named", (LINKAGE,), (LOAD,)), Judgement.WRONG_NAME),
-        (CaseKind.SINGLE, [LOAD], answer("class", (LINKAGE, GAIN), (LOAD,)), Judgement.RIGHT),
-        (CaseKind.SINGLE, [LOAD], answer("class", (LINKAGE, GAIN)), Judgement.MISSED),
+        (CaseKind.SINGLE, [LOAD], answer("ambiguous", (LINKAGE, GAIN), (LOAD,)), Judgement.RIGHT),
+        (CaseKind.SINGLE, [LOAD], answer("ambiguous", (LINKAGE, GAIN)), Judgement.MISSED),
         (CaseKind.SINGLE, [LOAD], answer("named_and_more", (LINKAGE,)), Judgement.NOT_NAMED),
         (CaseKind.SINGLE, [LOAD], answer("named", (LINKAGE,), (STRIBECK,)), Judgement.WRONG_NAME),
-        (CaseKind.SINGLE, [LOAD], answer("class", (LOAD, LINKAGE)), Judgement.TOO_WIDE),
+        (CaseKind.SINGLE, [LOAD], answer("ambiguous", (LOAD, LINKAGE)), Judgement.TOO_WIDE),
         (
             CaseKind.SINGLE,
             [LOAD],
@@ -119,7 +119,7 @@ def test_answers_are_judged(kind, hidden, given, outcome):
     ],
 )
 def test_answers_on_machines_of_other_lengths(kind, hidden, given, outcome):
-    assert judge(kind, hidden, given, lambda number, other: False, off=True) is outcome
+    assert judge(kind, hidden, given, lambda number, rival: False, off=True) is outcome
 
 
 def test_lengths_that_do_not_show_need_not_be_found():
@@ -131,43 +131,43 @@ def test_lengths_that_do_not_show_need_not_be_found():
 
 
 def test_a_class_of_effects_that_explain_as_well_is_right():
-    given = answer("class", (LOAD, STRIBECK))
+    given = answer("ambiguous", (LOAD, STRIBECK))
     assert (
-        judge(CaseKind.SINGLE, [STRIBECK], given, lambda _, other: other == LOAD) is Judgement.RIGHT
+        judge(CaseKind.SINGLE, [STRIBECK], given, lambda _, rival: rival == LOAD) is Judgement.RIGHT
     )
 
 
 def test_twins_may_have_a_further_one_that_explains_as_well():
     gain = ("chamber_gain", "telescope")
-    given = answer("class", (("offset", "telescope"), ("coulomb_asymmetry", "telescope"), gain))
-    assert judge(CaseKind.CLASS, [], given, lambda _, other: other == gain) is Judgement.RIGHT
+    given = answer("ambiguous", (("offset", "telescope"), ("coulomb_asymmetry", "telescope"), gain))
+    assert judge(CaseKind.CLASS, [], given, lambda _, rival: rival == gain) is Judgement.RIGHT
     assert judge(CaseKind.CLASS, [], given, lambda *_: False) is Judgement.TOO_WIDE
 
 
 def test_twins_may_have_a_further_law_of_what_is_hidden():
     class_ = (("offset", "telescope"), ("pressure_offset", "telescope"))
     hidden = [("pressure_offset", "telescope")]
-    drift, other = ("pressure_drift", "telescope"), ("chamber_gain_drift", "telescope")
+    drift, gain = ("pressure_drift", "telescope"), ("chamber_gain_drift", "telescope")
     for further, outcome in (
         ((drift,), Judgement.RIGHT),
-        ((drift, other), Judgement.TOO_WIDE),
-        ((other,), Judgement.WRONG_NAME),
+        ((drift, gain), Judgement.TOO_WIDE),
+        ((gain,), Judgement.WRONG_NAME),
         ((LOAD,), Judgement.WRONG_NAME),
         ((("pressure_drift", "inner_boom"),), Judgement.WRONG_NAME),
     ):
-        given = answer("class", further, class_)
+        given = answer("ambiguous", further, class_)
         assert judge(CaseKind.CLASS, hidden, given, lambda *_: False) is outcome
     given = answer("named", (drift,))
     assert judge(CaseKind.CLASS, hidden, given, lambda *_: False) is Judgement.WRONG_NAME
 
 
 def test_findings_are_read_with_their_classes():
-    other = FoundEffect.model_construct(effect="b", joint="all")
-    finding = FindingEntry.model_construct(effect="a", joint="j", class_members=[other])
+    second = FoundEffect.model_construct(effect="b", joint="all")
+    finding = FindingEntry.model_construct(effect="a", joint="j", ambiguity_group=[second])
     found = Findings.model_construct(findings=[finding])
-    said = CaseAnswer.model_construct(verdict="class", reason="made up", findings=found)
+    said = CaseAnswer.model_construct(verdict="ambiguous", reason="made up", findings=found)
     given = BlindAnswer.of_diagnosis(said)
-    assert given == answer("class", (("a", "j"), ("b", "all")))
+    assert given == answer("ambiguous", (("a", "j"), ("b", "all")))
     assert given.headline == "a"
 
 
@@ -179,7 +179,7 @@ def test_findings_are_read_with_their_classes():
         (answer("named", (("presliding", "telescope"),)), Left.DECLARED),
         (answer("named_and_more", (("presliding", "telescope"),)), Left.DECLARED),
         (answer("named_and_more", (("hose_mass", "all"),)), Left.WRONG),
-        (answer("class", (LOAD, ("presliding", "telescope"))), Left.DECLARED_CLASS),
+        (answer("ambiguous", (LOAD, ("presliding", "telescope"))), Left.DECLARED_CLASS),
         (answer("named", (("presliding", "inner_boom"),)), Left.WRONG),
         (answer("named", (("presliding", "telescope"),), (("hose_mass", "all"),)), Left.WRONG),
     ],
@@ -194,10 +194,10 @@ SCALE = (("linkage_scale", "outer_boom"), ("pressure_gain", "outer_boom"))
 @pytest.mark.parametrize(
     ("given", "left"),
     [
-        (answer("class", SCALE), Left.SILENT),
+        (answer("ambiguous", SCALE), Left.SILENT),
         (answer("named_and_more", SCALE), Left.UNKNOWN),
-        (answer("class", SCALE, (("presliding", "telescope"),)), Left.DECLARED_CLASS),
-        (answer("class", SCALE, (("hose_mass", "all"),)), Left.WRONG),
+        (answer("ambiguous", SCALE, (("presliding", "telescope"),)), Left.DECLARED_CLASS),
+        (answer("ambiguous", SCALE, (("hose_mass", "all"),)), Left.WRONG),
     ],
 )
 def test_what_is_said_of_lengths_that_are_off_is_no_name_of_an_effect_left_out(given, left):
@@ -207,5 +207,5 @@ def test_what_is_said_of_lengths_that_are_off_is_no_name_of_an_effect_left_out(g
 
 def test_what_tilts_the_base_may_be_taken_for_zeros_of_the_encoders_of_several_joints():
     zeros = (("encoder_offset", "outer_boom"), ("encoder_offset", "inner_boom"))
-    assert became(("base_tilt", "all"), answer("class", zeros)) is Left.DECLARED_CLASS
+    assert became(("base_tilt", "all"), answer("ambiguous", zeros)) is Left.DECLARED_CLASS
     assert became(("base_tilt", "all"), answer("named", (STRIBECK,))) is Left.WRONG

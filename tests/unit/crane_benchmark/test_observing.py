@@ -8,11 +8,10 @@ import pytest
 from unit.crane_observer.observed import known
 
 from crane_benchmark.measured import MeasuredRow
-from crane_benchmark.observing.cycles import WorkCycles
 from crane_benchmark.observing.failing import (
-    AIMS,
+    FAULT_AIMS,
     OTHERS,
-    SOONEST,
+    SOONEST_FAULT_S,
     FailingCase,
     MonitorAnswer,
     WatchedMachine,
@@ -23,17 +22,16 @@ from crane_benchmark.observing.failing import (
 )
 from crane_benchmark.observing.loads import WeighedLift, in_motion, rows_of, weighed
 from crane_benchmark.observing.loads import missed as missed_loads
-from crane_benchmark.observing.machines import HeardWork, KeptRecordings, stock
+from crane_benchmark.observing.machines import HeardWork, KeptRecordings, WorkCycles, stock
 from crane_benchmark.observing.observer import missed
-from crane_benchmark.observing.picture import draw_curves, shares
+from crane_benchmark.observing.sensors import draw_curves, shares
 from crane_model.errors import DataError
-from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.signatures import Part, Wrong
+from crane_observer.monitor.finding import Part, SensorFinding, Wrong
 from crane_observer.monitor.tolerance import unlearnt
+from crane_observer.payload.estimator import PayloadCondition, PayloadEstimate
+from crane_observer.payload.filter import TipLoad
 from crane_observer.recording import HeardRecording
-from crane_observer.scale.scale import ScaleCondition, Weighing
-from crane_observer.scale.weighing import TipLoad
-from crane_sim.plant.closed_loop import REST
+from crane_sim.plant.closed_loop import REST_S
 from crane_sim.sensor_faults import TimedFault, parse
 
 
@@ -48,17 +46,17 @@ def test_an_aim_is_missed_by_more_than_it(value: float, misses: int) -> None:
 def test_faults_are_drawn_while_their_joint_moves_and_each_kind_comes() -> None:
     observed = stock()
     cases = drawn(observed, 40, 3)
-    assert {one.question for one in cases} == {*AIMS, *OTHERS}
-    assert len({one.seed for one in cases}) == len(cases)
-    for one in cases:
-        assert parse(str(one.fault), observed.machine).place == one.fault.place
-        low, high = one.question.sizes
-        assert low * 0.999 <= abs(one.fault.size) <= high * 1.001
-        assert one.fault.onset is not None and one.fault.onset > SOONEST
-        cycles = WorkCycles.drawn(observed.machine, observed.stand_in.start, 120.0, one.seed)
-        velocity = cycles.reference(np.array([one.fault.onset - REST])).velocity[0]
-        if one.fault.target != "supply":
-            assert abs(velocity[observed.machine.index(one.fault.target)]) > 0.005
+    assert {case.question for case in cases} == {*FAULT_AIMS, *OTHERS}
+    assert len({case.seed for case in cases}) == len(cases)
+    for case in cases:
+        assert parse(str(case.fault), observed.machine).place == case.fault.place
+        low, high = case.question.sizes
+        assert low * 0.999 <= abs(case.fault.size) <= high * 1.001
+        assert case.fault.onset is not None and case.fault.onset > SOONEST_FAULT_S
+        cycles = WorkCycles.drawn(observed.machine, observed.simulated.start, 120.0, case.seed)
+        velocity = cycles.reference(np.array([case.fault.onset - REST_S])).velocity[0]
+        if case.fault.target != "supply":
+            assert abs(velocity[observed.machine.index(case.fault.target)]) > 0.005
 
 
 def test_each_kind_has_small_and_large_faults() -> None:
@@ -67,7 +65,9 @@ def test_each_kind_has_small_and_large_faults() -> None:
         low, high = question.sizes
         if not low:
             continue
-        sizes = [abs(one.fault.size) for one in drawn(observed, 150, 5) if one.question == question]
+        sizes = [
+            abs(case.fault.size) for case in drawn(observed, 150, 5) if case.question == question
+        ]
         place = np.sort(np.log(np.array(sizes) / low) / np.log(high / low)) * len(sizes)
         assert (np.floor(place) == np.arange(len(sizes))).all()
 
@@ -88,12 +88,12 @@ def test_a_recording_that_is_kept_is_not_made_again(tmp_path: Path) -> None:
 
 def test_a_fault_is_answered_by_what_the_monitor_says() -> None:
     watched = WatchedMachine(stock(), known(), unlearnt(known().joints))
-    question = AIMS[0]
+    question = FAULT_AIMS[0]
     fault = TimedFault("inner_boom", "encoder", "stuck", 0.0, 12.0)
     case = next(
-        FailingCase(question, seed, fault._replace(onset=one.fault.onset))
-        for seed, one in ((one.seed, one) for one in drawn(stock(), 40, 3))
-        if one.question == question and one.fault.target == "inner_boom"
+        FailingCase(question, seed, fault._replace(onset=case.fault.onset))
+        for seed, case in ((case.seed, case) for case in drawn(stock(), 40, 3))
+        if case.question == question and case.fault.target == "inner_boom"
     )
     work = with_fault(watched.observed, watched.model, case)
     answer = answered(watched, case, work)
@@ -104,7 +104,7 @@ def test_a_fault_is_answered_by_what_the_monitor_says() -> None:
 
 def drifting(size: float, delay: float) -> MonitorAnswer:
     """A case, and when it was found."""
-    question = next(one for one in OTHERS if one.kind == "drift")
+    question = next(question for question in OTHERS if question.kind == "drift")
     fault = TimedFault("inner_boom", "encoder", question.kind, size, 10.0)
     found = SensorFinding(
         Part.ENCODER, "inner_boom", Wrong.DRIFT, "m/s", 1.0, 0.0, 2.0, 10.0, 10.0 + delay
@@ -136,23 +136,24 @@ def test_curves_are_drawn_of_kinds_without_cases_too(tmp_path: Path) -> None:
 
 def told_of(cycles: WorkCycles, until: float) -> list[WeighedLift]:
     """What is made of a scale that says a tenth too much, and nothing of the motion."""
-    mass = [float(cycles.load(np.array([t - REST]))[0]) for t in np.arange(0.0, until, 0.15)]
+    mass = [float(cycles.load(np.array([t - REST_S]))[0]) for t in np.arange(0.0, until, 0.15)]
     found = [
-        Weighing(0.15 * k, TipLoad(1.1 * m, 0.01, np.nan, np.nan), ScaleCondition.GOOD, False,
-                 0.0, 0.0)
+        PayloadEstimate(
+            0.15 * k, TipLoad(1.1 * m, 0.01, np.nan, np.nan), PayloadCondition.GOOD, False, 0.0, 0.0
+        )
         for k, m in enumerate(mass)
     ]  # fmt: skip
     time = np.arange(0.0, until, 0.005)
     machine = stock().machine
-    velocity = cycles.reference(time - REST).velocity
+    velocity = cycles.reference(time - REST_S).velocity
     return weighed(cycles, time, in_motion(machine, machine.joint_names, velocity), found)
 
 
 def test_loads_are_read_before_they_are_put_down() -> None:
     machine = stock()
-    told = told_of(WorkCycles.drawn(machine.machine, machine.stand_in.start, 100.0, 5), 100.0)
+    told = told_of(WorkCycles.drawn(machine.machine, machine.simulated.start, 100.0, 5), 100.0)
     assert told
-    assert all(one.error == pytest.approx(0.1) and not one.covered for one in told)
+    assert all(warning.error == pytest.approx(0.1) and not warning.covered for warning in told)
 
 
 def test_motion_of_a_load_counts_from_its_pick_up_whatever_the_scale_says() -> None:
@@ -172,7 +173,7 @@ def test_motion_of_a_load_counts_from_its_pick_up_whatever_the_scale_says() -> N
 
 def test_loads_hang_off_the_tip_by_what_is_asked_and_are_the_same() -> None:
     machine = stock()
-    given = machine.machine, machine.stand_in.start, 3000.0, 5
+    given = machine.machine, machine.simulated.start, 3000.0, 5
     at_it, about_it = (WorkCycles.drawn(*given, hung=hung) for hung in (0.0, 0.01))
     np.testing.assert_array_equal(at_it.loads, about_it.loads)
     assert not at_it.beyond.any()
@@ -219,18 +220,18 @@ def test_a_load_is_weighed_where_one_of_its_poses_permits_it() -> None:
         beyond=np.zeros(4),
     )
     time = np.arange(0.0, 20.0, 0.15)
-    none, all_ = ScaleCondition.UNOBSERVABLE, ScaleCondition.GOOD
+    none, all_ = PayloadCondition.UNOBSERVABLE, PayloadCondition.GOOD
 
-    def permitted(conditions: list[ScaleCondition]) -> list[bool]:
+    def permitted(conditions: list[PayloadCondition]) -> list[bool]:
         found = [
-            Weighing(t, TipLoad(50.0, 1.0, np.nan, np.nan), one, False, 0.0, 0.0)
-            for t, one in zip(time, conditions, strict=True)
+            PayloadEstimate(t, TipLoad(50.0, 1.0, np.nan, np.nan), condition, False, 0.0, 0.0)
+            for t, condition in zip(time, conditions, strict=True)
         ]
-        return [one.permitted for one in weighed(cycles, time, time > 0.0, found)]
+        return [weighing.permitted for weighing in weighed(cycles, time, time > 0.0, found)]
 
-    changes = REST + np.array([4.5, 8.5])  # the first load comes, and gives way to the second
+    changes = REST_S + np.array([4.5, 8.5])  # the first load comes, and gives way to the second
     first = (time > changes[0]) & (time < changes[1])
     assert permitted([none for _ in time]) == [False, False]
-    assert permitted([all_ if one else none for one in first]) == [True, False]
+    assert permitted([all_ if finding else none for finding in first]) == [True, False]
     # what was told of the load before does not count for the one that has just come
     assert permitted([all_ if t < changes[0] + 0.2 else none for t in time]) == [False, False]

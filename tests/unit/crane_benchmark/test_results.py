@@ -9,19 +9,18 @@ import pytest
 from rich.console import Console
 
 from crane_benchmark.answers.answer_cases import AnswerStatistics
-from crane_benchmark.cases.case import Case, Site, Story
+from crane_benchmark.cases.case import Case, Simulator, Story
 from crane_benchmark.cases.case_sets import STRENGTHS, CaseSet, cases
 from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
-from crane_benchmark.scores import figures, home_and_away, published
-from crane_benchmark.scores.calibration import agreement, together
-from crane_benchmark.scores.home_and_away import side_by_side
+from crane_benchmark.scores import figures, published
+from crane_benchmark.scores.figures import agreement, together
 from crane_benchmark.scores.judgement import AND_MORE, BlindAnswer, Judgement
-from crane_benchmark.scores.printed import notes, tables
+from crane_benchmark.scores.published import notes, side_by_side, tables
 from crane_benchmark.scores.summary import (
     BenchmarkResults,
     CaseRow,
     ScoredEffect,
-    by_site,
+    by_simulator,
     median,
     rate,
     summary,
@@ -64,7 +63,7 @@ def made_up(case: Case) -> CaseRow:
     return CaseRow(
         case=case.name,
         kind=case.kind,
-        site=case.site,
+        simulator=case.simulator,
         world=case.world,
         off=case.off,
         story=case.story,
@@ -111,27 +110,29 @@ def statistics(
 def test_results_of_all_kinds_are_summed_up_printed_and_drawn(tmp_path):
     rows = [made_up(case) for case in cases(CaseSet.TUNING, 60)]
     found = summary(rows)
-    ours, other = found.methods["diagnose"], found.methods["always Stribeck"]
-    assert (ours.false_alarms.rate, other.false_alarms.rate) == (0.0, 1.0)
+    ours, baseline = found.methods["diagnose"], found.methods["always Stribeck"]
+    assert (ours.false_alarms.rate, baseline.false_alarms.rate) == (0.0, 1.0)
     assert [ours.power[s].rate for s in STRENGTHS] == [0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
     assert [found.learner.power[s].rate for s in STRENGTHS] == [0, 0, 1, 1, 1, 1]
     weak = [row for row in rows if row.above_noise and row.answers["diagnose"].verdict == "none"]
     assert ours.false_reassurance.count == len(weak) > 0
-    assert other.false_reassurance.count == 0  # it always names something
+    assert baseline.false_reassurance.count == 0  # it always names something
     assert ours.lengths_recognised.count == 0 < ours.lengths_recognised.of
-    assert (ours.hedged.rate, other.hedged.rate) == (1.0, None)
+    assert (ours.hedged.rate, baseline.hedged.rate) == (1.0, None)
     assert found.gap_closed.median == 0.9
     console = Console(width=144, record=True, file=StringIO())
     console.print(*tables(found), *notes())
     assert "cyclic_friction = position_friction" in " ".join(console.export_text().split())
-    sites = {site: summary(some) for site, some in by_site(rows).items()}
-    results = BenchmarkResults(thresholds="made up", summary=found, sites=sites, cases=rows)
+    simulators = {simulator: summary(some) for simulator, some in by_simulator(rows).items()}
+    results = BenchmarkResults(
+        thresholds="made up", summary=found, simulators=simulators, cases=rows
+    )
     results.write(tmp_path / "results.json")
     assert BenchmarkResults.read(tmp_path / "results.json") == results
     figures.write(tmp_path, rows)
     published.write(tmp_path / "figures.json", found)
     shown = MeasuredFigures.read(tmp_path / "figures.json")
-    assert shown.columns == ["home, 60 cases", "target", "diagnose", "always Stribeck"]
+    assert shown.columns == ["primary, 60 cases", "target", "diagnose", "always Stribeck"]
     assert shown.value("false_alarms") == 0.0
     assert shown.value("gap_closed") == found.gap_closed.median
     assert all(len(row.shown) == 4 for row in shown.rows)
@@ -144,7 +145,7 @@ def test_scores_are_compared_with_what_the_bootstrap_promises(factor, above):
     """Of exponential scores, 3 % lie above their quantile of 97 %, of twice these sqrt(3 %)."""
     promised = -np.log(1.0 - np.linspace(0.0, 0.9999, 101))
     scores = -factor * np.log(1.0 - (np.arange(400) + 0.5) / 400)
-    found = agreement([statistics(one, promised=promised.tolist()) for one in scores])
+    found = agreement([statistics(score, promised=promised.tolist()) for score in scores])
     assert found.above.rate == pytest.approx(above, abs=0.005)
     assert np.polyfit(found.promised[:380], found.found[:380], 1)[0] == pytest.approx(
         factor, rel=0.05
@@ -163,38 +164,47 @@ def test_what_became_of_each_story_is_told():
 
 def test_the_rows_of_a_set_are_told_by_site():
     rows = [made_up(case) for case in cases(CaseSet.SCORING, 80)]
-    found = by_site(rows)
-    assert {site: len(some) for site, some in found.items()} == {Site.HOME: 40, Site.AWAY: 40}
-    assert by_site(found[Site.AWAY]).keys() == {Site.AWAY}
+    found = by_simulator(rows)
+    assert {simulator: len(some) for simulator, some in found.items()} == {
+        Simulator.PRIMARY: 40,
+        Simulator.INDEPENDENT: 40,
+    }
+    assert by_simulator(found[Simulator.INDEPENDENT]).keys() == {Simulator.INDEPENDENT}
 
 
-def published_of(tmp_path: Path, site: Site, count: int) -> MeasuredFigures:
-    rows = by_site([made_up(case) for case in cases(CaseSet.SCORING, count)])[site]
-    published.write(tmp_path / f"{site}.json", summary(rows), CaseSet.SCORING, site)
-    return MeasuredFigures.read(tmp_path / f"{site}.json")
+def published_of(tmp_path: Path, simulator: Simulator, count: int) -> MeasuredFigures:
+    rows = by_simulator([made_up(case) for case in cases(CaseSet.SCORING, count)])[simulator]
+    published.write(tmp_path / f"{simulator}.json", summary(rows), CaseSet.SCORING, simulator)
+    return MeasuredFigures.read(tmp_path / f"{simulator}.json")
 
 
-def test_sites_stand_side_by_side_each_with_its_aims(tmp_path, capsys):
-    home, away = (published_of(tmp_path, site, 80) for site in Site)
-    assert away.command == "make discrepancy-benchmark"
-    rows = {row.shown[0]: row.shown for row in side_by_side({"home": home, "away": away})}
+def test_simulators_stand_side_by_side_each_with_its_aims(tmp_path, capsys):
+    primary, independent = (published_of(tmp_path, simulator, 80) for simulator in Simulator)
+    assert independent.command == "make discrepancy-benchmark"
+    sets = {"primary": primary, "independent": independent}
+    rows = {row.shown[0]: row.shown for row in side_by_side(sets)}
     alarms = rows["nothing hidden: false alarms"]
     assert alarms[2].startswith("0\xa0% [0\xa0%,") and alarms[2].endswith("of 8")
     assert alarms[4].endswith("of 8")
     assert rows["all answers: crashed"][2].startswith("0.0\xa0% [0.0\xa0%,")
     assert rows["single, from 2\xa0%, identifiable"][1::2] == ["≥ 97\xa0%", "≥ 92\xa0%"]
     assert rows["share of the explainable gap closed"][1::2] == ["≥ 90\xa0%", "≥ 85\xa0%"]
-    files = [f"{name}={tmp_path / name}.json" for name in ("home", "away")]
-    assert home_and_away.main([*files, "--out", str(tmp_path / "both.json")]) == 0
-    assert "away, 40 cases" in capsys.readouterr().out
+    files = [f"{name}={tmp_path / name}.json" for name in ("primary", "independent")]
+    assert published.main([*files, "--out", str(tmp_path / "both.json")]) == 0
+    assert "independent, 40 cases" in capsys.readouterr().out
     written = MeasuredFigures.read(tmp_path / "both.json")
     assert {row.shown[0] for row in written.rows} == set(rows)
-    assert written.columns[1:] == ["aim home", "home, 40 cases", "aim away", "away, 40 cases"]
+    assert written.columns[1:] == [
+        "aim primary",
+        "primary, 40 cases",
+        "aim independent",
+        "independent, 40 cases",
+    ]
 
 
 def test_what_is_no_set_is_refused(tmp_path, capsys):
-    assert home_and_away.main(["away"]) == 1
+    assert published.main(["independent"]) == 1
     assert "NAME=FILE" in capsys.readouterr().err
     write(tmp_path / "other.json", "make bench", [MeasuredRow(cells=["a", "b", "c"])])
-    assert home_and_away.main([f"away={tmp_path / 'other.json'}"]) == 1
+    assert published.main([f"independent={tmp_path / 'other.json'}"]) == 1
     assert "has written" in capsys.readouterr().err

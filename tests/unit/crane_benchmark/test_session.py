@@ -20,8 +20,8 @@ from crane_model.errors import DataError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
-from crane_sim.effects.forms import FORMS
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.effects.kernel import FORMS
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_trajectory.motion.check import load_clearance
 
 TRAIN, VALIDATE = 6, 2
@@ -49,7 +49,7 @@ def made(
 
 def masses(session: list[SessionRecording]) -> np.ndarray:
     """(8,) kg, of the recordings by name."""
-    found = [[effect.values[0] for effect in one.present([LOAD])] for one in session]
+    found = [[effect.values[0] for effect in recording.present([LOAD])] for recording in session]
     return np.array([mass[0] if mass else 0.0 for mass in found])
 
 
@@ -57,9 +57,9 @@ def test_recordings_of_the_field_follow_each_other_with_pauses_in_any_order():
     sessions = [made(seed) for seed in range(20)]
     orders = set()
     for session in sessions:
-        begins = np.array([one.moment.running for one in session])
+        begins = np.array([recording.moment.running for recording in session])
         orders.add(tuple(np.argsort(begins)))
-        assert len({one.moment.started for one in session}) == 1
+        assert len({recording.moment.started for recording in session}) == 1
         assert (np.diff(np.sort(begins)) > 60.0 + 60.0).all()
     assert len(orders) == 20
     assert len({session[0].moment.started for session in sessions}) == 20
@@ -67,7 +67,7 @@ def test_recordings_of_the_field_follow_each_other_with_pauses_in_any_order():
 
 def test_a_session_begins_cold_or_warm():
     cold, warm = (
-        min(one.moment.running for one in made(seed, warm=warm))
+        min(recording.moment.running for recording in made(seed, warm=warm))
         for seed, warm in ((1, False), (1, True))
     )
     assert cold < 60.0
@@ -75,7 +75,7 @@ def test_a_session_begins_cold_or_warm():
 
 
 def test_recordings_of_the_laboratory_are_of_a_cold_machine():
-    assert {one.moment.running for one in made(1, world=World.LABORATORY)} == {0.0}
+    assert {recording.moment.running for recording in made(1, world=World.LABORATORY)} == {0.0}
 
 
 def test_a_load_is_on_and_off_at_random_and_not_always_the_same():
@@ -103,7 +103,7 @@ def test_motions_of_the_field_fit_and_every_other_one_repeats():
     maker = Maker(
         np.random.default_rng(2),
         load_machine(),
-        load_stand_in().start,
+        load_simulated_crane().start,
         load_clearance(machine_file("clearance.yaml")),
     )
     train, validate = maker.of_the_field(1)

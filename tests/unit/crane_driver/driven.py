@@ -7,11 +7,10 @@ from functools import cache
 import numpy as np
 from unit.crane_driver.can.traffic import BEGIN, CRANE, Bus, Sent
 
-from crane_driver.can.codec import MachineCodec
-from crane_driver.can.encoder import frame_crc
+from crane_driver.can.codec import MachineCodec, frame_crc
 from crane_driver.can.frame import Frame
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
-from crane_driver.safety.limits import load_safety
+from crane_driver.safety.commands import load_safety
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 

@@ -11,7 +11,7 @@ from crane_driver import active_driver
 from crane_driver.active_driver import ActiveDriver
 from crane_driver.can.binding import load_layout
 from crane_driver.can.frame import Frame
-from crane_driver.safety.states import SafetyState
+from crane_driver.safety.supervisor import SafetyState
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 

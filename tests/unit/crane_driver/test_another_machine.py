@@ -15,11 +15,10 @@ from crane_driver.can.codec import MachineCodec
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import DriverLoop, JointSample
 from crane_driver.driver_parameters import driver_parameters
-from crane_driver.operator.bringup import pictures
-from crane_driver.operator.bringup.samples import Rest
-from crane_driver.operator.bringup.sensors import EncoderResult, find_encoder
+from crane_driver.operator.bringup.estimates import EncoderResult, Rest, find_encoder
+from crane_driver.operator.bringup.results import EncoderTrace, draw_encoders
 from crane_driver.operator.jog.jog_node import JogParameters
-from crane_driver.safety.limits import load_safety
+from crane_driver.safety.commands import load_safety
 from crane_driver.safety.supervisor import Supervisor
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
@@ -120,8 +119,8 @@ def test_pictures_of_the_bring_up_have_the_units_of_the_joints() -> None:
     for joint in MACHINE.joint_names:
         rest = Rest(0.1, 1e-5, 1e-4)
         results[joint] = find_encoder(joint, rest, 0.0, 0.2, 0.2, 0.2)
-    traces = dict.fromkeys(results, (time, 0.1 + 0.2 * time))
-    figure = pictures.encoders(traces, results, MACHINE.units)
+    traces = dict.fromkeys(results, EncoderTrace(time, 0.1 + 0.2 * time))
+    figure = draw_encoders(traces, results, MACHINE.units)
     assert isinstance(figure, Figure)
     assert [axes.get_ylabel() for axes in figure.axes] == ["reading [m]", "reading [°]"]
 

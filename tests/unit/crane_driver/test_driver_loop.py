@@ -7,19 +7,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.can.assembly import LEARNT
+from crane_driver.can.assembly import LEARNING_FRAMES
 from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import CylinderEffort, DriverLoop, JointSample, PressureSample
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.limits import load_safety
-from crane_driver.safety.states import SafetyState
+from crane_driver.safety.commands import load_safety
+from crane_driver.safety.supervisor import SafetyState
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_nodes.scheduling import ProcessorTime
+from crane_nodes.this_computer import ProcessorTime
 
 MACHINE = load_machine()
 JOINTS = MACHINE.joint_names
@@ -53,7 +53,7 @@ class Bench:
 
     def learnt(self) -> "Bench":
         """After the cycles in which counters are learnt."""
-        for _ in range(LEARNT):
+        for _ in range(LEARNING_FRAMES):
             self.receive(self.frames())
         return self
 
@@ -154,7 +154,7 @@ def test_effort_without_pressures_is_not_a_number() -> None:
 
 
 def test_the_first_sample_has_no_velocity(fresh: Bench) -> None:
-    joints = [one for _ in range(LEARNT) for one in fresh.receive(fresh.frames())[0]]
+    joints = [one for _ in range(LEARNING_FRAMES) for one in fresh.receive(fresh.frames())[0]]
     assert len(joints) == 1  # the newest of those that waited
     (joints,) = joints
     assert np.isnan(joints.velocity).all()
@@ -271,7 +271,7 @@ def test_while_offline_a_stall_is_no_fault_but_delays_what_follows(fresh: Bench)
             fresh.receive(fresh.frames())
 
     fresh.loop.run(fresh.now, ProcessorTime(7.0))
-    receive(LEARNT - 5)
+    receive(LEARNING_FRAMES - 5)
     fresh.loop.run(fresh.now, ProcessorTime(7.0))
     receive(30)
     assert fresh.loop.supervisor.state is SafetyState.OFFLINE

@@ -4,7 +4,7 @@ from filterpy.common import Q_continuous_white_noise
 from filterpy.kalman import KalmanFilter
 from scipy.linalg import solve_discrete_are
 
-from crane_driver.velocity_filter import MEMORY, UNKNOWN_VELOCITY, VelocityFilter
+from crane_driver.velocity_filter import JERK_MEMORY_S, UNKNOWN_VELOCITY, VelocityFilter
 
 STEP = 0.005
 JERK_DENSITY = np.array([1e-4, 2.4e-4, 1e-3, 1e-5])
@@ -25,7 +25,7 @@ def filterpy_filter(joint: int, first_reading: float) -> KalmanFilter:
     kalman.H = np.array([[1.0, 0.0, 0.0]])
     kalman.R = np.array([[RESOLUTION[joint] ** 2 / 12]])
     kalman.x = np.array([first_reading, 0.0, 0.0])
-    kalman.P = np.diag([kalman.R[0, 0], UNKNOWN_VELOCITY**2, JERK_DENSITY[joint] * MEMORY])
+    kalman.P = np.diag([kalman.R[0, 0], UNKNOWN_VELOCITY**2, JERK_DENSITY[joint] * JERK_MEMORY_S])
     return kalman
 
 
@@ -107,7 +107,7 @@ def test_motion_of_the_crane_through_its_encoder(jitter: float) -> None:
 
 
 def two_joints() -> VelocityFilter:
-    velocity_filter = VelocityFilter([1e-3, 1e-3], [1e-4, 1e-4], gap=0.1)
+    velocity_filter = VelocityFilter([1e-3, 1e-3], [1e-4, 1e-4], longest_pause=0.1)
     run(velocity_filter, np.arange(200) * STEP, np.outer(np.arange(200) * STEP, [1.0, -1.0]))
     return velocity_filter
 

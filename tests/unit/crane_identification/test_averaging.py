@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from crane_identification.estimation.autoregression import independent_samples
-from crane_identification.preparation.averaging import (
+from crane_identification.preparation.run import (
     drift,
     fold,
     noise_of_mean,

@@ -9,11 +9,13 @@ from laboratory_crane import PLANAR_JOINTS
 from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import AXIS_THETA, axis_log, axis_model, crane_model
 
-from crane_identification.estimation.consistent import SMALLEST, consistent
-from crane_identification.estimation.estimate import Estimate
+from crane_identification.estimation.consistent import (
+    LEAST_EIGENVALUE_IN_PLANE,
+    consistent,
+    physics,
+)
 from crane_identification.estimation.least_squares import least_squares
-from crane_identification.estimation.physics import physics
-from crane_identification.estimation.regression import Rows
+from crane_identification.estimation.regression import Estimate, Rows
 from crane_identification.fitting import FitResult, fit
 from crane_identification.options import Estimator, Options
 from crane_model.dynamics import Geometry, mass_matrix
@@ -52,8 +54,8 @@ def bodies_exist(values: np.ndarray, smallest: float = 0.0) -> bool:
     if m_tl <= smallest or m_sl <= smallest:
         return False
     normal = geometry.telescope_offset * m_tl
-    own = ((s_sl - s_tl) ** 2 + (n_sl - normal) ** 2) / m_sl
-    return j_sl > own + (s_tl**2 + normal**2) / m_tl
+    inertia = ((s_sl - s_tl) ** 2 + (n_sl - normal) ** 2) / m_sl
+    return j_sl > inertia + (s_tl**2 + normal**2) / m_tl
 
 
 @pytest.fixture(scope="module")
@@ -113,10 +115,12 @@ def test_no_physical_neighbour_fits_better(pairs: list[tuple[Rows, Estimate, Est
 
         least = cost(estimate.values)
         for _ in range(50):
-            other = truth * rng.uniform(0.9, 1.1, size=20)
-            if bodies_exist(other, SMALLEST):
+            changed = truth * rng.uniform(0.9, 1.1, size=20)
+            if bodies_exist(changed, LEAST_EIGENVALUE_IN_PLANE):
                 step = rng.uniform(0.001, 0.5)
-                assert cost(estimate.values + step * (other - estimate.values)) > least * (1 - 1e-3)
+                assert cost(estimate.values + step * (changed - estimate.values)) > least * (
+                    1 - 1e-3
+                )
 
 
 def test_friction_brakes_in_both_directions(tmp_path: Path) -> None:
@@ -130,7 +134,7 @@ def test_friction_brakes_in_both_directions(tmp_path: Path) -> None:
     assert estimate.bounds == ("f_c.axis >= 0",)
     assert estimate.values[estimate.names.index("f_c.axis")] == 0.0  # exactly, as it is printed
     assert estimate.values[0] == pytest.approx(AXIS_THETA[0], rel=0.1)
-    names = [one.name for one in physics(crane_model()).inequalities]
+    names = [inequality.name for inequality in physics(crane_model()).inequalities]
     for joint in PLANAR_JOINTS:
         assert {f"f_c.{joint} + df_c.{joint} >= 0", f"f_v.{joint} - df_v.{joint} >= 0"} <= set(
             names

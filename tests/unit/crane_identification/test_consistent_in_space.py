@@ -183,29 +183,32 @@ def smallest_eigenvalue(model: Model, values: np.ndarray, robot: Robot) -> float
 
 
 def held_out(result: FitResult, log: Log) -> float:
-    (one,) = validate(result.model, [log], CONSISTENT)
-    return float(np.linalg.norm(one.measured - one.predicted) / np.linalg.norm(one.measured))
+    (validation,) = validate(result.model, [log], CONSISTENT)
+    return float(
+        np.linalg.norm(validation.measured - validation.predicted)
+        / np.linalg.norm(validation.measured)
+    )
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_body_can_exist_and_the_model_predicts_as_well(tmp_path: Path, name: str) -> None:
     robot = ROBOTS[name]
     model = model_of(tmp_path, robot)
-    train, *others = (log(model, robot, seed) for seed in range(3))
-    free, physical = (fit(model, [train], one) for one in (LEAST_SQUARES, CONSISTENT))
+    train, *validation = (log(model, robot, seed) for seed in range(3))
+    free, physical = (fit(model, [train], options) for options in (LEAST_SQUARES, CONSISTENT))
     assert smallest_eigenvalue(model, truth(model, robot), robot) > 1e-3
     assert smallest_eigenvalue(model, free.estimate.values, robot) < -0.1
     assert smallest_eigenvalue(model, physical.estimate.values, robot) > 1e-7
     assert "pseudo-inertia of axis_6" in physical.estimate.bounds
-    for other in others:
-        assert held_out(physical, other) < 1.05 * held_out(free, other)
+    for recording in validation:
+        assert held_out(physical, recording) < 1.05 * held_out(free, recording)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_where_all_bodies_can_exist_the_fit_is_least_squares(tmp_path: Path, noise: float) -> None:
     model = model_of(tmp_path, UR)
     logs = [log(model, UR, seed, noise=noise) for seed in range(3)]
-    free, physical = (fit(model, logs, one).estimate for one in (LEAST_SQUARES, CONSISTENT))
+    free, physical = (fit(model, logs, options).estimate for options in (LEAST_SQUARES, CONSISTENT))
     assert smallest_eigenvalue(model, free.values, UR) > 1e-4
     assert physical.bounds == ()
     assert (np.abs(physical.values - free.values) < 0.01 * free.std_devs).all()
@@ -216,10 +219,10 @@ def test_a_rotor_that_the_model_lacks_counts_with_the_bodies(tmp_path: Path) -> 
     """No motion tells the rotor of axis 2 from its link, and no link could have so much inertia."""
     model = model_of(tmp_path, UR)
     rotor = np.array([0.0, 30.0, 0.0, 0.0, 0.0, 0.0])
-    train, other = (log(model, UR, seed, rotor) for seed in (0, 1))
-    free, physical = (fit(model, [train], one) for one in (LEAST_SQUARES, CONSISTENT))
+    train, validation = (log(model, UR, seed, rotor) for seed in (0, 1))
+    free, physical = (fit(model, [train], options) for options in (LEAST_SQUARES, CONSISTENT))
     assert smallest_eigenvalue(model, physical.estimate.values, UR) < 0.0
-    assert held_out(physical, other) < 1.05 * held_out(free, other)
+    assert held_out(physical, validation) < 1.05 * held_out(free, validation)
 
 
 def test_moments_that_a_model_takes_to_be_zero_are_zero_in_every_body(tmp_path: Path) -> None:
@@ -249,13 +252,13 @@ def known(folder: Path, model: Model, std_dev: float, measure: str, factor: floa
 
 def test_a_log_det_prior_makes_up_for_what_the_recordings_lack(tmp_path: Path) -> None:
     model = model_of(tmp_path, UR)
-    train, other = (log(model, UR, seed) for seed in (0, 1))
+    train, validation = (log(model, UR, seed) for seed in (0, 1))
     free = fit(model, [train], CONSISTENT)
     prior = known(tmp_path, model, 0.3, "log_det", factor=1.2)
     found = fit(model, [train], CONSISTENT, prior=prior)
     assert found.estimate.method.startswith("physically consistent least squares with a log-det")
     assert smallest_eigenvalue(model, found.estimate.values, UR) > 1e-4
-    assert held_out(found, other) < held_out(free, other)
+    assert held_out(found, validation) < held_out(free, validation)
     part = model.part(model.terms[0])
     assert np.median((found.estimate.std_devs / free.estimate.std_devs)[part]) < 0.8
     wrong = np.abs(found.estimate.values - truth(model, UR))

@@ -12,8 +12,8 @@ from unit.crane_identification.synthetic import crane_model
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
 from crane_bags.writer import BagWriter
 from crane_identification.data.bad_samples import usable
-from crane_identification.data.bag_log import read_bag
 from crane_identification.data.log import Log
+from crane_identification.data.recording_log import read_bag
 from crane_identification.fitting import FitResult, fit
 from crane_identification.options import Options
 from crane_identification.report.findings import findings
@@ -110,7 +110,7 @@ def test_short_runs_without_a_number_are_bridged(
     assert deviation.max() < 3.0
     warnings = findings(found, [log])
     for channel in ("position of telescope", "pressure b of inner boom"):
-        assert any(channel.replace(" boom", "_boom") in one for one in warnings)
+        assert any(channel.replace(" boom", "_boom") in warning for warning in warnings)
 
 
 def test_one_message_of_a_topic_is_an_error_that_names_it(tmp_path: Path, recording: Log) -> None:

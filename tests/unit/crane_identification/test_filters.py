@@ -4,13 +4,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.decimate import (
     decimate,
     decimation_factor,
     decimation_rows,
     filtered_noise,
 )
+from crane_identification.signals.routes import ButterworthDifferentiator
 from crane_model.errors import DataError
 
 STEP = 0.005

@@ -139,8 +139,8 @@ def test_samples_that_span_one_step_less_are_whole_periods(axis: Model, lacking:
 def test_a_machine_that_did_not_follow_its_reference_is_not_averaged(axis: Model) -> None:
     log = axis_log(6, axis)
     time = log.position.time
-    own = np.cumsum(np.cumsum(np.random.default_rng(1).normal(size=len(time))))
-    log = replace(log, position=Signal(time, own[:, None] / np.ptp(own), "q"))
+    drifting = np.cumsum(np.cumsum(np.random.default_rng(1).normal(size=len(time))))
+    log = replace(log, position=Signal(time, drifting[:, None] / np.ptp(drifting), "q"))
     with pytest.raises(DataError, match=r"r repeats after 20 s, but the measured motion does not"):
         fit(axis, [log])
 
@@ -179,10 +179,10 @@ def test_rows_where_one_period_stands_are_not_used(axis: Model) -> None:
     late = asked[turns[0]] + caught_up**2 * (3 - 2 * caught_up) * (asked - asked[turns[0]])
     stuck = np.where((since > 0.0) & (since < 1.2), late, asked)
     late_log = replace(log, position=Signal(time, stuck[:, None], "q"))
-    both = [prepare(axis, one, Options())[0] for one in (log, late_log)]
+    both = [prepare(axis, recording, Options())[0] for recording in (log, late_log)]
     instant = round((time[turns[0]] + 0.6 - LEAD) * RATE) % round(PERIOD * RATE)
-    assert [bool(one.moving[instant, 0]) for one in both] == [True, False]
-    assert [bool(one.signed[instant, 0]) for one in both] == [True, False]
+    assert [bool(preparation.moving[instant, 0]) for preparation in both] == [True, False]
+    assert [bool(preparation.signed[instant, 0]) for preparation in both] == [True, False]
 
 
 def test_motion_in_one_direction_leaves_parameters_undetermined(axis: Model) -> None:
@@ -394,8 +394,8 @@ def turntable_log(model: Model, still: str = "") -> Log:
     angle = time[:, None, None] * omega
     size = np.array([0.5, 0.0 if still == "arm" else 0.4])
     q, v, a = (
-        size * each.sum(axis=2)
-        for each in (np.sin(angle), omega * np.cos(angle), -(omega**2) * np.sin(angle))
+        size * signal.sum(axis=2)
+        for signal in (np.sin(angle), omega * np.cos(angle), -(omega**2) * np.sin(angle))
     )
     columns = model.regressor(Record(model.joints, time, q, v, a))
     force = columns @ rng.uniform(1.0, 2.0, columns.shape[2]) + rng.normal(size=q.shape)

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_identification.preparation.averaging import Averaging, drift
-from crane_identification.preparation.run import Preparation
+from crane_identification.preparation.run import Averaging, Preparation, drift
 from crane_identification.signals.motion import smoothed_alike
 from crane_identification.validation.force_validation import Validation, compare
 from crane_model.model_file import Model

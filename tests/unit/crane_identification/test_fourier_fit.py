@@ -2,11 +2,14 @@ import numpy as np
 import pytest
 
 from crane_identification.options import Options
-from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.decimate import KEPT_SHARE
-from crane_identification.signals.fourier import FourierFit
 from crane_identification.signals.kalman import KalmanSmoother
-from crane_identification.signals.routes import estimate_period, estimate_record
+from crane_identification.signals.routes import (
+    ButterworthDifferentiator,
+    FourierFit,
+    estimate_period,
+    estimate_record,
+)
 from crane_model.errors import DataError
 
 N, STEP = 4000, 0.005
@@ -54,7 +57,7 @@ def errors(
     """Root mean square errors of velocity and acceleration."""
     motion = estimate_period(estimator, measured, STEP, np.zeros(1))
     missed = (motion.velocity - velocity, motion.acceleration - acceleration)
-    return np.sqrt([np.mean(one**2) for one in missed])
+    return np.sqrt([np.mean(miss**2) for miss in missed])
 
 
 def best_in_hindsight(

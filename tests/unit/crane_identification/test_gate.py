@@ -1,11 +1,11 @@
 import numpy as np
 
-from crane_identification.signals.gate import SETTLING, moving, velocity_resolution
+from crane_identification.preparation.run import SETTLING_S, moving, velocity_resolution
 from crane_identification.signals.motion import SmoothedMotion
 
 STEP = 0.01
 BANDWIDTH = 5.0
-GUARD = 20 + round(SETTLING / STEP)  # samples: one cycle of 5 Hz at 100 Hz, and the settling
+GUARD = 20 + round(SETTLING_S / STEP)  # samples: one cycle of 5 Hz at 100 Hz, and the settling
 
 
 def motion(velocity: np.ndarray, noise: float = 0.01) -> SmoothedMotion:

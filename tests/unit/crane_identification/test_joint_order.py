@@ -26,9 +26,9 @@ def of_joints(log: Log, joints: Sequence[str]) -> Log:
     """The recording of these joints alone, in this order."""
     at = [log.joints.index(joint) for joint in joints]
     signals = {
-        name: Signal(one.time, one.value[:, at], one.origin)
-        for name, one in vars(log).items()
-        if isinstance(one, Signal)
+        name: Signal(var.time, var.value[:, at], var.origin)
+        for name, var in vars(log).items()
+        if isinstance(var, Signal)
     }
     return replace(log, joints=tuple(joints), **signals)
 
@@ -48,8 +48,8 @@ def test_the_order_of_joints_changes_nothing() -> None:
     (got,) = validate(turned.model, [of_joints(logs[1], TURNED)])
     np.testing.assert_allclose(got.relative_error[::-1], expected.relative_error, rtol=1e-6)
     moved, as_before = (
-        validate_motion(one.model, [held.preparation.record]).relative
-        for one, held in ((turned, got), (plain, expected))
+        validate_motion(log.model, [held.preparation.record]).relative
+        for log, held in ((turned, got), (plain, expected))
     )
     np.testing.assert_allclose(moved[::-1], as_before, rtol=1e-6)
 
@@ -58,16 +58,20 @@ def test_the_order_of_joints_changes_nothing() -> None:
 def test_one_joint_alone_is_fitted_validated_and_simulated(joint: str) -> None:
     """Through its linkage as with the forces that the whole crane has there."""
     crane = crane_model()
-    model = Model("alone", setting(crane, [joint]), tuple(one(joint=joint) for one in ALONE))
+    model = Model("alone", setting(crane, [joint]), tuple(name(joint=joint) for name in ALONE))
     logs = [of_joints(crane_log(seed), [joint]) for seed in (1, 2)]
     fitted = fit(model, logs[:1])
     (held_out,) = validate(fitted.model, logs[1:])
     whole = fit(crane, [crane_log(1)])
     j = crane.joints.index(joint)
-    own, all_joints = (one.preparations[0].record for one in (fitted, whole))
-    period = len(own) * (own.time[1] - own.time[0])  # which may begin at another sample
-    expected = np.interp(own.time, all_joints.time, all_joints.force[:, j], period=period)
-    np.testing.assert_allclose(own.force[:, 0], expected, atol=1e-3 * np.abs(expected).max())
+    alone_record, all_joints = (result.preparations[0].record for result in (fitted, whole))
+    period = len(alone_record) * (
+        alone_record.time[1] - alone_record.time[0]
+    )  # which may begin at another sample
+    expected = np.interp(alone_record.time, all_joints.time, all_joints.force[:, j], period=period)
+    np.testing.assert_allclose(
+        alone_record.force[:, 0], expected, atol=1e-3 * np.abs(expected).max()
+    )
     assert np.isfinite(held_out.relative_error).all()
     motion = validate_motion(fitted.model, [held_out.preparation.record])
     assert motion.reason or np.isfinite(motion.relative).all()
@@ -79,5 +83,5 @@ def test_one_joint_alone_is_identified_online() -> None:
     model = Model("alone", setting(crane, ["outer_boom"]), (Inertia(joint="outer_boom"),))
     whole, alone = replay(crane, log)[1], replay(model, of_joints(log, ["outer_boom"]))[1]
     assert len(alone) == len(whole) > 30
-    for one, other in zip(alone, whole, strict=True):
-        np.testing.assert_allclose(one.measured, other.measured[1:2], rtol=1e-9)
+    for fitted, whole_result in zip(alone, whole, strict=True):
+        np.testing.assert_allclose(fitted.measured, whole_result.measured[1:2], rtol=1e-9)

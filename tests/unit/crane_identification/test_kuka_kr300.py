@@ -18,7 +18,7 @@ from crane_identification.estimation.prior import Measure, load_prior
 from crane_identification.fitting import FitResult, fit, validate
 from crane_identification.options import Estimator, Options
 from crane_identification.report.findings import findings
-from crane_identification.signals.butterworth import ButterworthDifferentiator
+from crane_identification.signals.routes import ButterworthDifferentiator
 from crane_identification.thresholds import load_thresholds
 from crane_model.configuration import load
 from crane_model.errors import DataError
@@ -51,9 +51,9 @@ def logs(real_data: Path, model: Model) -> dict[str, Log]:
 
 def errors_on_c(result: FitResult, logs: dict[str, Log]) -> tuple[float, np.ndarray]:
     """Of all axes together, and of each, in percent of the torque at 10 Hz."""
-    (one,) = validate(result.model, [logs["C"]], AT_10_HZ)
-    left = np.linalg.norm(one.measured - one.predicted)
-    return 100.0 * left / np.linalg.norm(one.measured), 100.0 * one.relative_error
+    (validation,) = validate(result.model, [logs["C"]], AT_10_HZ)
+    left = np.linalg.norm(validation.measured - validation.predicted)
+    return 100.0 * left / np.linalg.norm(validation.measured), 100.0 * validation.relative_error
 
 
 def test_two_recordings_foretell_the_third(model: Model, logs: dict[str, Log]) -> None:
@@ -63,7 +63,7 @@ def test_two_recordings_foretell_the_third(model: Model, logs: dict[str, Log]) -
     assert together < 3.1
     assert (axes < INDEPENDENT + 0.2).all()
     told = findings(result, list(logs.values()))
-    assert not [one for one in told if "do not determine" in one]
+    assert not [warning for warning in told if "do not determine" in warning]
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,9 @@ def test_one_alone_does_not_determine_the_robot(alone: FitResult, logs: dict[str
     assert together > 8.0
     assert axes[0] > 15.0
     assert (alone.estimate.relative_error < 0.05).all(), "though the fit looks good"
-    (told,) = [one for one in findings(alone, list(logs.values())) if "do not determine" in one]
+    (told,) = [
+        finding for finding in findings(alone, list(logs.values())) if "do not determine" in finding
+    ]
     assert "their motion spans 4 of 6 dimensions" in told
     assert "--prior" in told
 
@@ -91,11 +93,13 @@ def test_bodies_that_can_exist_cost_nothing_elsewhere(model: Model, logs: dict[s
     """Two recordings foretell the third, in turn, by both estimators."""
     left = np.zeros(2)
     for name in logs:
-        train = [log for other, log in logs.items() if other != name]
+        train = [log for name_of_log, log in logs.items() if name_of_log != name]
         for k, options in enumerate((OPTIONS, LEAST_SQUARES)):
             result = fit(model, train, options)
-            (one,) = validate(result.model, [logs[name]], AT_10_HZ)
-            left[k] += np.linalg.norm(one.measured - one.predicted) / np.linalg.norm(one.measured)
+            (validation,) = validate(result.model, [logs[name]], AT_10_HZ)
+            left[k] += np.linalg.norm(validation.measured - validation.predicted) / np.linalg.norm(
+                validation.measured
+            )
     assert left[0] < 1.05 * left[1]
 
 
@@ -108,18 +112,22 @@ def test_a_prior_makes_up_for_it(logs: dict[str, Log], tmp_path: Path, measure: 
     prior = load_prior(path, model)
     result = fit(model, [logs["A"]], OPTIONS, prior=prior)
     assert errors_on_c(result, logs)[0] < 3.6
-    (one,) = validate(result.model, [logs["C"]], OPTIONS)  # at the cut-off of the fit itself
-    assert np.linalg.norm(one.measured - one.predicted) < 0.035 * np.linalg.norm(one.measured)
-    assert not [one for one in findings(result, [logs["A"]]) if "do not determine" in one]
+    (validation,) = validate(result.model, [logs["C"]], OPTIONS)  # at the cut-off of the fit itself
+    assert np.linalg.norm(validation.measured - validation.predicted) < 0.035 * np.linalg.norm(
+        validation.measured
+    )
+    assert not [
+        finding for finding in findings(result, [logs["A"]]) if "do not determine" in finding
+    ]
 
 
 def test_the_counterbalance_is_not_told_from_weight(logs: dict[str, Log]) -> None:
     """Its column is nearly one of gravity's: the estimate says that it is not known."""
     model = load_model(HERE / "kuka_kr300_with_prior.yaml")
-    rotors = [one for one in model.terms if one.type == "rotor_inertia"]
-    for one in rotors:
-        if one.only_joint in ("axis_1", "axis_2"):
-            model = model.without_term(one)
+    rotors = [term for term in model.terms if term.type == "rotor_inertia"]
+    for rotor in rotors:
+        if rotor.only_joint in ("axis_1", "axis_2"):
+            model = model.without_term(rotor)
     with pytest.raises(DataError, match=r"gas_spring.axis_2: these recordings show only combin"):
         fit(model, [logs["A"], logs["B"]], LEAST_SQUARES)
 
@@ -140,8 +148,8 @@ def test_friction_left_out_of_the_model_is_named_on_every_axis(
     found = diagnose(bare, [logs["A"], logs["B"]], [logs["C"]], OPTIONS, load_thresholds())
     assert not found.fit.undetermined
     assert not found.fit.periods
-    named = [one.judged.shaped.candidate for one in found.findings]
-    assert {(one.type, one.joint) for one in named} == {
+    named = [finding.judged.shaped.candidate for finding in found.findings]
+    assert {(candidate.type, candidate.joint) for candidate in named} == {
         (kind, axis) for kind in ("coulomb", "viscous") for axis in model.joints
     }
-    assert not any(one.judged.indistinct for one in found.findings)
+    assert not any(finding.judged.indistinct for finding in found.findings)

@@ -81,5 +81,5 @@ def test_each_run_is_moved_with_its_own_load() -> None:
 def test_a_model_that_forgets_does_not(bristles: Model, record: Record) -> None:
     """The same windows as recordings of their own: their states begin at rest, and that shows."""
     windows = [record.take(slice(k, k + 101)) for k in range(0, 2000, 100)]
-    fresh = [replace(one, time=one.time - one.time[0]) for one in windows]
+    fresh = [replace(window, time=window.time - window.time[0]) for window in windows]
     assert validate_motion(bristles, fresh).relative[0] > 0.05

@@ -173,9 +173,9 @@ def test_a_small_fundamental_makes_the_period_longer(small: float) -> None:
 @pytest.mark.parametrize("beside", ["creeps", "is noise"])
 def test_a_joint_that_hardly_moves_hides_nothing(beside: str) -> None:
     time = np.arange(8000) / 100
-    other = 1e-4 * time if beside == "creeps" else np.zeros(8000)
+    second_joint = 1e-4 * time if beside == "creeps" else np.zeros(8000)
     angle = 2 * np.pi / 20.0 * time
-    position = np.stack([np.sin(angle) + 0.3 * np.cos(3 * angle), other], axis=1)
+    position = np.stack([np.sin(angle) + 0.3 * np.cos(3 * angle), second_joint], axis=1)
     found = detect_periodicity(time, measured(position, 4, noise=1e-3))
     assert found.period == pytest.approx(20.0, abs=5e-3)
 

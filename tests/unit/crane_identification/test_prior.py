@@ -18,8 +18,7 @@ from crane_model.record import Record
 from crane_model.terms import Setting
 from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.gravity_and_load import planar_machine
-from crane_model.terms.rigid_body import PlanarRigidBody
-from crane_model.terms.serial_rigid_body import SerialRigidBody
+from crane_model.terms.rigid_body import PlanarRigidBody, SerialRigidBody
 from crane_model.terms.single_axis import Inertia, Offset
 
 AXIS = Model("axis", Setting({"axis": "m"}, None), (Inertia(joint="axis"), Viscous(joint="axis")))
@@ -84,9 +83,12 @@ def test_two_wrong_entries_do_not_hide_each_other(tmp_path: Path) -> None:
     result = fit(model, [log(1.0)], PLAIN, prior=prior(tmp_path, text, model))
     found = result.conflict
     assert found is not None
-    assert {one.entry for one in found.contradictions} == {"offset.axis", "f_c.axis"}
-    assert all(one.sigmas > 20.0 for one in found.contradictions)
-    without = {one.parameter: one.without for one in found.changes}
+    assert {contradiction.entry for contradiction in found.contradictions} == {
+        "offset.axis",
+        "f_c.axis",
+    }
+    assert all(contradiction.sigmas > 20.0 for contradiction in found.contradictions)
+    without = {change.parameter: change.without for change in found.changes}
     assert without["offset.axis"] == pytest.approx(0.0, abs=0.2)
     assert "Without these 2 priors: " in findings(result, [log(1.0)])[2]
 
@@ -122,7 +124,7 @@ def test_a_body_that_recordings_contradict(tmp_path: Path) -> None:
         for joint in model.machine.joints
         for m, c, i in [bodies[joint.name]]
     ]
-    term = next(one for one in model.terms if one.has_base_parameters)
+    term = next(term for term in model.terms if term.has_base_parameters)
     theta = model.theta.copy()
     theta[model.part(term)] = term.of_bodies(model.setting) @ np.concatenate(ten)
     true = model.with_estimate(theta, np.zeros(len(theta)), "true")
@@ -137,7 +139,7 @@ def test_a_body_that_recordings_contradict(tmp_path: Path) -> None:
         known = prior(tmp_path, "\n".join(["bodies:", *lines]), model)
         result = fit(model, [recording], Options(estimator=Estimator.LEAST_SQUARES), prior=known)
         assert result.conflict is not None
-        return [one.entry for one in result.conflict.contradictions]
+        return [contradiction.entry for contradiction in result.conflict.contradictions]
 
     assert contradicted(60.0) == []
     assert contradicted(300.0) == ["body telescope"]

@@ -8,7 +8,7 @@ import pytest
 
 from crane_model import linkages
 from crane_model.actuators import (
-    REGISTRY,
+    ACTUATOR_TYPES,
     Actuator,
     CylinderActuator,
     HydraulicActuator,
@@ -102,10 +102,10 @@ def test_the_chambers_of_a_cylinder_fill_and_those_of_a_motor_do_not() -> None:
 
 @pytest.fixture
 def as_it_was() -> Iterator[None]:
-    registered = dict(REGISTRY)
+    registered = dict(ACTUATOR_TYPES)
     yield
-    REGISTRY.clear()
-    REGISTRY.update(registered)
+    ACTUATOR_TYPES.clear()
+    ACTUATOR_TYPES.update(registered)
 
 
 def test_an_actuator_of_ones_own(as_it_was: None, machine: Machine) -> None:
@@ -130,4 +130,4 @@ def test_an_actuator_of_ones_own(as_it_was: None, machine: Machine) -> None:
 def test_every_type_is_listed_for_an_unknown_one() -> None:
     with pytest.raises(ValueError, match="direct_cylinder, electric_drive, four_bar_cylinder, "):
         actuator_from_mapping({"type": "spring"})
-    assert all(issubclass(one, Actuator) for one in REGISTRY.values())
+    assert all(issubclass(one, Actuator) for one in ACTUATOR_TYPES.values())

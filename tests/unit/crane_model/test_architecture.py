@@ -106,8 +106,8 @@ def test_a_docstring_says_more_than_a_name(package: str) -> None:
 def test_the_diagnosis_asks_no_term_for_its_fields() -> None:
     """A term says its own physics."""
     folder = FOLDERS["crane_identification"] / "diagnosis"
-    files = [file for file in folder.rglob("*.py") if file.parent.name != "report"]
-    assert len(files) > 30
+    files = list(folder.rglob("*.py"))
+    assert len(files) > 20
     asking = {"hasattr", "isinstance", "issubclass"}
     for file in files:
         nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))

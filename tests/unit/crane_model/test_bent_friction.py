@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from crane_model.terms.drawn_friction import DrawnSpeedFriction
+from crane_model.terms.nonparametric import NonparametricSpeedFriction
 
 FASTEST = 0.45  # m/s
-SPEED = np.array(DrawnSpeedFriction.over(np.array([0.0, FASTEST])))
+SPEED = np.array(NonparametricSpeedFriction.over(np.array([0.0, FASTEST])))
 SPACE = np.gradient(SPEED)[1:-1]  # of the speeds, which count alike
 
 LAWS = {
@@ -24,7 +24,7 @@ def left(law: np.ndarray, family: str) -> float:
     """Share of the energy of a law beside Coulomb and viscous friction that no curve follows."""
     line = SPEED / FASTEST
     beside = (law - law[0] - line * (law[-1] - law[0]))[1:-1] * np.sqrt(SPACE)
-    curves = DrawnSpeedFriction.family_of(family, SPEED) * np.sqrt(SPACE)[:, np.newaxis]
+    curves = NonparametricSpeedFriction.family_of(family, SPEED) * np.sqrt(SPACE)[:, np.newaxis]
     along = np.maximum(beside @ curves, 0.0) ** 2 / (curves**2).sum(axis=0)
     return float(1.0 - along.max() / (beside**2).sum())
 
@@ -32,7 +32,7 @@ def left(law: np.ndarray, family: str) -> float:
 @pytest.mark.parametrize("name", LAWS)
 def test_a_law_is_followed_best_by_the_family_of_its_physics(name: str) -> None:
     family, law = LAWS[name]
-    (other,) = DrawnSpeedFriction.families.keys() - {family}
+    (other,) = NonparametricSpeedFriction.families.keys() - {family}
     assert left(law, family) < 0.5 * left(law, other)
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from crane_model.cylinders import ChamberForces, generalized_forces
 from crane_model.errors import RangeError
-from crane_model.machine import Machine, load_machine
-from crane_model.machine.machine import Coupling
+from crane_model.machine import Coupling, Machine, load_machine
 
 CRANE = load_machine()
 SLIDE = Coupling(joints=("inner_boom", "telescope"), matrix=((1.0, 0.2), (0.0, 1.0)))

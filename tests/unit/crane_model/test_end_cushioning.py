@@ -1,28 +1,13 @@
 """Cushions of either end: what they ask for, which ends a term knows, and files of the old law."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from unit.crane_model.test_term_registry import SETTING
 
-from crane_model.errors import ConfigurationError
-from crane_model.model_file import load_model
 from crane_model.record import Record
-from crane_model.terms.joint_term import EndCushioning
+from crane_model.terms.single_axis import EndCushioning
 
 LOW, HIGH, ZONE = 0.0, 1.55, 0.2  # m, of the telescope
-OLD = """\
-name: telescope
-machine: laboratory_crane
-joints: {telescope: m}
-terms:
-  - {type: end_cushioning, joint: telescope, zone: 0.2}
-estimate:
-  provenance: before each end had its own
-  parameters:
-    - {name: f_e.telescope, unit: N s/m, value: 500.0, std_dev: 5.0}
-"""
 
 
 def at(q: float, v: float) -> Record:
@@ -60,14 +45,3 @@ def test_an_end_that_nobody_visited_has_no_parameter() -> None:
             upper.columns(at(q, 0.1), SETTING), term.columns(at(q, 0.1), SETTING)[..., 2:]
         )
     assert term.showing(np.zeros(4, dtype=bool)) == term
-
-
-def test_values_of_the_law_for_both_ends_must_be_fitted_anew(tmp_path: Path) -> None:
-    file = tmp_path / "model.yaml"
-    file.write_text(OLD)
-    with pytest.raises(ConfigurationError) as caught:
-        load_model(file)
-    for part in (str(file), "f_e.telescope", "'end_cushioning'", "delete 'estimate'", "identify"):
-        assert part in str(caught.value)
-    file.write_text(OLD.partition("estimate")[0])
-    assert len(load_model(file).parameters) == 4

@@ -10,14 +10,14 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import simulate
 from crane_model.terms import Setting
-from crane_model.terms.sensing import LEADS, FilteredReading, TimeSkew
+from crane_model.terms.sensing import LEADS_S, FilteredReading, TimeSkew
 from crane_model.terms.single_axis import Inertia
 
 AXIS = Setting({"axis": "m"}, None)
 STEP = 0.01
 TIME = np.arange(0.0, 20.0, STEP)
-TERM = FilteredReading(joint="axis", knots=LEADS)
-LED = [lead for lead in LEADS if lead]
+TERM = FilteredReading(joint="axis", knots=LEADS_S)
+LED = [lead for lead in LEADS_S if lead]
 
 
 def felt(time: np.ndarray) -> np.ndarray:

@@ -9,9 +9,16 @@ import numpy as np
 import pytest
 
 from crane_model.errors import DataError
-from crane_model.flow import FLOW_EFFECTS, flow_regressor, piston_flow
-from crane_model.flow.oil import InternalLeakage, OilCompressibility
-from crane_model.flow.valve import Valve, asymmetry, by_chamber
+from crane_model.flow import (
+    FLOW_EFFECTS,
+    InternalLeakage,
+    OilCompressibility,
+    Valve,
+    asymmetry,
+    by_chamber,
+    flow_regressor,
+    piston_flow,
+)
 from crane_model.machine import Machine
 from crane_model.record import Record
 

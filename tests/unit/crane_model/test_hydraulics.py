@@ -9,18 +9,18 @@ from scipy.integrate import solve_ivp
 
 from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics.stepping import openings, spool_course, trailing
-from crane_model.hydraulics.values import (
+from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
     JointHydraulics,
     Measured,
     ValveValues,
 )
+from crane_model.hydraulics.simulation import CraneState, circuit_of, simulate_openings, substeps
+from crane_model.hydraulics.stepping import openings, spool_course, trailing
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
 from crane_model.record import Record
-from crane_model.whole_crane import CraneState, circuit_of, simulate_openings, substeps
 
 GAIN = 3e-7
 VALVE = {

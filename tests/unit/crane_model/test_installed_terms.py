@@ -15,11 +15,11 @@ from unit.crane_model.test_own_terms import CODE
 from crane_model.machine import load_machine
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY, Setting, Term
-from crane_model.terms.catalogue import load_installed
 from crane_model.terms.friction import Coulomb, ViscousAsymmetry
 from crane_model.terms.gravity_and_load import Payload
 from crane_model.terms.presliding import Stiction
 from crane_model.terms.rigid_body import PlanarRigidBody
+from crane_model.terms.term import load_installed
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from crane_model.chain import regressor
-from crane_model.chain.lanes import COS, FAR, LANES, MOVED, SIN, set_near_turn, set_turn
+from crane_model.chain.body_regressor import (
+    COS,
+    FAR_ANGLE_RAD,
+    LANES,
+    MOVED,
+    SIN,
+    set_near_turn,
+    set_turn,
+)
 from crane_model.machine import load_machine
 
 KUKA = Path(__file__).parents[2] / "machines" / "kuka_kr300.yaml"
@@ -29,7 +37,7 @@ def turned(by, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("by", [set_near_turn, set_turn])
-@pytest.mark.parametrize("reach", [1e-9, 1.0, 10.0, 1e3, 0.999 * FAR])
+@pytest.mark.parametrize("reach", [1e-9, 1.0, 10.0, 1e3, 0.999 * FAR_ANGLE_RAD])
 def test_both_are_those_of_the_library(by, reach: float) -> None:
     angles = np.random.default_rng(1).uniform(-reach, reach, 8000)
     cos, sin = turned(by, angles)
@@ -45,7 +53,7 @@ def test_where_quarter_turns_begin() -> None:
         np.testing.assert_allclose(sin, np.sin(angles), rtol=0.0, atol=3e-16)
 
 
-@pytest.mark.parametrize("far", [FAR, -1e9, np.nan, np.inf])
+@pytest.mark.parametrize("far", [FAR_ANGLE_RAD, -1e9, np.nan, np.inf])
 def test_an_angle_that_is_far_or_no_number_leaves_other_samples_alone(far: float) -> None:
     machine = load_machine(KUKA)
     q, v, a = np.random.default_rng(2).standard_normal((3, 11, len(machine.joints)))

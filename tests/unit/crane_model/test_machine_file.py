@@ -224,24 +224,6 @@ def test_a_machine_goes_to_another_process_unchanged() -> None:
     assert pickle.loads(pickle.dumps(machine)) == machine
 
 
-OLD = """
-name: an old crane
-gravity: 9.81
-denavit_hartenberg: {base_height: 2.2}
-limits: {slew: {}}
-"""
-
-
-def test_an_old_file_is_answered_with_what_to_write_instead(tmp_path: Path) -> None:
-    file = tmp_path / "old.yaml"
-    file.write_text(OLD)
-    with pytest.raises(ConfigurationError) as caught:
-        load_machine(file)
-    (line,) = str(caught.value).splitlines()
-    for part in (str(file), "denavit_hartenberg, limits", "`joints:`", "`dh`", "`actuator`"):
-        assert part in line
-
-
 def test_a_joint_is_found_by_its_name(machine: Machine) -> None:
     assert [machine.index(joint) for joint in machine.joint_names] == [0, 1, 2, 3]
     assert [machine.units[joint] for joint in machine.joint_names] == ["rad", "rad", "rad", "m"]

@@ -18,8 +18,8 @@ from crane_model.machine import Machine, load_machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting
-from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody, RotorInertia
-from crane_model.terms.serial_rigid_body import SerialRigidBody
+from crane_model.terms.drives import RotorInertia
+from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody, SerialRigidBody
 
 SAMPLES = 60
 KUKA = Path(__file__).parents[2] / "machines" / "kuka_kr300.yaml"

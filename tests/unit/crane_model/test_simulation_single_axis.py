@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from crane_model.dry_friction import with_dry_friction
 from crane_model.errors import RangeError
+from crane_model.hydraulics.stepping import with_dry_friction
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import simulate

@@ -12,17 +12,18 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms import REGISTRY
-from crane_model.terms.drawn_friction import DrawnLoadFriction
+from crane_model.terms.drives import ActuatorInertia
 from crane_model.terms.force_scale import ForceScale, LinkageScale, PressureGain
 from crane_model.terms.gravity_and_load import BaseTilt
-from crane_model.terms.nuisance import VelocityLag
-from crane_model.terms.rigid_body import ActuatorInertia, PlanarRigidBody
+from crane_model.terms.nonparametric import NonparametricLoadFriction
+from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_model.terms.sensing import (
     ChamberAGain,
     ChamberGain,
     EncoderOffset,
     PressureOffset,
     TimeSkew,
+    VelocityLag,
 )
 
 INERTIAL = (480.0, 370.0, 18.0, 450.0, 260.0, 20.0, 150.0, 220.0)
@@ -114,11 +115,11 @@ def test_scales_of_all_joints_alike_are_a_scale_of_the_masses(
     assert same is (term is PressureGain)
 
 
-@pytest.mark.parametrize("kind", DrawnLoadFriction.holds)
+@pytest.mark.parametrize("kind", NonparametricLoadFriction.holds)
 def test_a_shape_over_the_measured_force_holds_its_scale(record: Record, kind: str) -> None:
     """Beside Coulomb friction, which is what a line has at both ends of the knots."""
     moving = replace(record, direction_known=np.where(record.velocity < 0.0, -1.0, 1.0))
-    drawn = DrawnLoadFriction(joint="inner_boom", knots=tuple(np.linspace(-1e5, 1e5, 11)))
+    drawn = NonparametricLoadFriction(joint="inner_boom", knots=tuple(np.linspace(-1e5, 1e5, 11)))
     ends = np.stack([np.ones(len(record)), moving.direction[:, 0]], axis=1)
     columns = np.concatenate([drawn.columns(moving, SETTING)[:, 0], ends], axis=1)
     scale = REGISTRY[kind](joint="inner_boom").columns(moving, SETTING)[:, 0, 0]

@@ -10,7 +10,7 @@ from laboratory_crane import JOINTS
 
 from crane_identification.estimation.prior import load_prior
 from crane_model.errors import ConfigurationError
-from crane_model.inspection.findings import poses
+from crane_model.inspection import poses
 from crane_model.inspection.machine_command import main
 from crane_model.kinematics import tip_position
 from crane_model.machine import Machine, load_machine

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from crane_model.hydraulics.values import Measured, ValveValues
-from crane_model.whole_crane import valve_openings
+from crane_model.hydraulics import Measured, ValveValues
+from crane_model.hydraulics.simulation import valve_openings
 
 STEP, SLOPE = 1e-3, 0.2  # s; of the stroke a second
 UNKNOWN = {"supply_a": 1e-7, "a_tank": 1e-7, "supply_b": 1e-7, "b_tank": 1e-7}

@@ -17,8 +17,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from crane_interfaces.action import RunExcitation
-from crane_nodes.executor import KeptExecutor
-from crane_nodes.polled import Polled
+from crane_nodes.executor import KeptExecutor, Polled
 
 PATIENCE = 120.0  # s, bounds a failing test
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)

@@ -7,7 +7,7 @@ from threading import Thread
 
 import pytest
 
-from crane_nodes.scheduling import give_way
+from crane_nodes.this_computer import give_way
 
 POLICY = "import os; print(os.sched_getscheduler(0))"
 

@@ -12,8 +12,9 @@ from std_msgs.msg import Header
 
 from crane_bags.clocks import TimeBack
 from crane_nodes import node_time
+from crane_nodes.executor import Polled
 from crane_nodes.node_time import (
-    TAKEN,
+    TAKEN_PROFILE,
     TAKEN_TOPIC,
     NodeTime,
     Pacing,
@@ -21,7 +22,6 @@ from crane_nodes.node_time import (
     stamp_of,
     tell_back,
 )
-from crane_nodes.polled import Polled
 
 SECOND = 10**9
 
@@ -128,7 +128,7 @@ def test_time_goes_on_when_nobody_ticks_any_more(make: Callable[[bool], Node], r
 def test_a_node_says_how_far_the_crane_may_go(make: Callable[[bool], Node], real: Real) -> None:
     node = make(True)
     listener = make(False)
-    heard = Polled(listener, Header, TAKEN_TOPIC, TAKEN)
+    heard = Polled(listener, Header, TAKEN_TOPIC, TAKEN_PROFILE)
     clock = NodeTime(node)
     clock.tell(tick(7.0))
     pacing = Pacing(node, clock, ahead=1.0)

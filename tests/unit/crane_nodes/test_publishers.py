@@ -2,7 +2,7 @@
 
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from crane_nodes.names import LOOKS, NAME_UNKNOWN, UNNAMED, NameLooks, node_names
+from crane_nodes.managed import NAME_LOOKS, NAME_UNKNOWN, UNNAMED, NameLooks, node_names
 
 
 def endpoint(namespace: str, name: str) -> TopicEndpointInfo:
@@ -22,6 +22,8 @@ def test_a_node_that_is_not_known_yet_comes_last_in_words() -> None:
 def test_a_name_is_waited_for_but_not_for_long() -> None:
     looks = NameLooks()
     assert looks.suffice("/mixed", ["watcher"])
-    assert [looks.suffice("/mixed", ["watcher", UNNAMED]) for _ in range(LOOKS)] == [False] * LOOKS
+    assert [looks.suffice("/mixed", ["watcher", UNNAMED]) for _ in range(NAME_LOOKS)] == [
+        False
+    ] * NAME_LOOKS
     assert looks.suffice("/mixed", ["watcher", UNNAMED])
     assert not looks.suffice("/other", [UNNAMED]), "each topic for itself"

@@ -13,7 +13,7 @@ from crane_driver.driver_parameters import PRIORITY
 
 PROGRAM = """
 import os, resource, sys, threading
-from crane_nodes.scheduling import RealTime, RealTimeSettings
+from crane_nodes.this_computer import RealTime, RealTimeSettings
 priority, memory, settings = eval(sys.argv[1])
 try:
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # tests may run in the idle class

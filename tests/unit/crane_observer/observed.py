@@ -8,7 +8,7 @@ import numpy as np
 from unit.crane_identification.hydraulics.valve_experiments import FITTED, MACHINE, truth
 
 from crane_benchmark.observing.machines import stock
-from crane_model.hydraulics.values import (
+from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
     JointHydraulics,
@@ -18,9 +18,9 @@ from crane_model.hydraulics.values import (
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_observer.recording import HeardRecording
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.closed_loop import SimulatedRecording
-from crane_sim.planted import planted
+from crane_sim.true_values import true_parameters
 
 JOINTS = FITTED
 SECONDS = 24.0
@@ -28,12 +28,12 @@ SECONDS = 24.0
 
 @cache
 def known() -> Model:
-    stand_in = load_stand_in()
+    simulated = load_simulated_crane()
     model = load_model(machine_file("model.yaml"))
-    theta = np.array([one.value for one in planted(stand_in, MACHINE)])
+    theta = np.array([parameter.value for parameter in true_parameters(simulated, MACHINE)])
     joints = {}
     for joint in JOINTS:
-        true = {"damping_ratio": stand_in.valves[joint].damping_ratio} | truth(stand_in, joint)
+        true = {"damping_ratio": simulated.valves[joint].damping_ratio} | truth(simulated, joint)
 
         def measured(kind: type, true: dict[str, float] = true) -> dict[str, Measured]:
             return {
@@ -46,7 +46,7 @@ def known() -> Model:
             chambers=ChamberValues(**measured(ChamberValues)),
             unexplained=0.0,
         )
-    model = model.with_estimate(theta, 1e-4 * np.abs(theta), "the file of the stand-in machine")
+    model = model.with_estimate(theta, 1e-4 * np.abs(theta), "the file of the simulated crane")
     return replace(model, hydraulics=HydraulicValues(provenance="that file", joints=joints))
 
 

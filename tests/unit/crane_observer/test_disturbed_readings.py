@@ -8,8 +8,8 @@ import pytest
 from unit.crane_observer.observed import known, recording
 
 from crane_observer.monitor.replay import Heed, SensorWatch
-from crane_observer.position.sensor import PositionSensor, SensorCondition
-from crane_observer.scale.scale import Scale, ScaleCondition
+from crane_observer.payload.estimator import PayloadCondition, PayloadEstimator
+from crane_observer.position.estimator import EstimatorCondition, PositionEstimator
 
 FROM, UNTIL, END = 2100, 2500, 3500  # samples: all joints move
 OLD = 3.0  # s by which a late reading is late: longer than that lasts
@@ -37,7 +37,7 @@ def cycles(disturbed: str, way: str) -> Iterator[Cycle]:
             row = k ^ 1 if hit and way == "out of order" else k
             stamp = float(given.pressure_time[row]) - (OLD if hit and way == "late" else 0.0)
             number = np.nan if hit and way == "no number" else 1.0
-            return (stamp, *(number * one[row] for one in values))
+            return (stamp, *(number * series[row] for series in values))
 
         supply = of("supply", given.supply)
         yield Cycle(
@@ -49,33 +49,33 @@ def cycles(disturbed: str, way: str) -> Iterator[Cycle]:
 
 
 SENSOR = {
-    "encoders": {SensorCondition.ENCODER_LOST},
-    "pressures": {SensorCondition.PRESSURES_LOST},
-    "commands": {SensorCondition.COMMANDS_LOST},
-    "supply": {SensorCondition.SUPPLY_LOST},
+    "encoders": {EstimatorCondition.ENCODER_LOST},
+    "pressures": {EstimatorCondition.PRESSURES_LOST},
+    "commands": {EstimatorCondition.COMMANDS_LOST},
+    "supply": {EstimatorCondition.SUPPLY_LOST},
 }
 
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("disturbed", SENSOR)
-def test_the_position_sensor_names_it_and_recovers(disturbed: str, way: str) -> None:
+def test_the_position_estimator_names_it_and_recovers(disturbed: str, way: str) -> None:
     if disturbed == "supply" and way in ("late", "out of order"):
         pytest.skip("it comes in one message with the pressures")
     given, told = recording(), []
-    sensor = PositionSensor(known(), given.encoders[0])
+    sensor = PositionEstimator(known(), given.encoders[0])
     for cycle in cycles(disturbed, way):
         if cycle.encoders:
             sensor.add_encoders(*cycle.encoders)
         if cycle.command:
             sensor.add_command(*cycle.command)
         if cycle.oil:
-            one = sensor.add_pressures(*cycle.oil, cycle.supply)
-            if one is not None:
-                told.append(one)
-    named = {one.condition for one in told} - {SensorCondition.GOOD}
+            window = sensor.add_pressures(*cycle.oil, cycle.supply)
+            if window is not None:
+                told.append(window)
+    named = {window.condition for window in told} - {EstimatorCondition.GOOD}
     assert named == (set() if way == "out of order" else SENSOR[disturbed])
-    assert told[-1].condition is SensorCondition.GOOD
-    assert all(np.isfinite(one.estimate.covariance).all() for one in told)
+    assert told[-1].condition is EstimatorCondition.GOOD
+    assert all(np.isfinite(window.estimate.covariance).all() for window in told)
     assert np.abs(told[-1].estimate.position - given.encoders[END - 1]).max() < 2e-3
     counted = {"late": sensor.late, "no number": sensor.invalid, "out of order": sensor.late}
     if disturbed in ("pressures", "commands") and way in counted:
@@ -83,29 +83,33 @@ def test_the_position_sensor_names_it_and_recovers(disturbed: str, way: str) -> 
 
 
 SCALE = {
-    "encoders": {ScaleCondition.POSITIONS_LOST},
-    "pressures": {ScaleCondition.PRESSURES_LOST},
+    "encoders": {PayloadCondition.POSITIONS_LOST},
+    "pressures": {PayloadCondition.PRESSURES_LOST},
 }
 
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("disturbed", SCALE)
 def test_the_scale_names_it_and_recovers(disturbed: str, way: str) -> None:
-    scale, found = Scale(known()), []
+    scale, found = PayloadEstimator(known()), []
     for cycle in cycles(disturbed, way):
         if cycle.encoders:
             scale.add_encoders(*cycle.encoders)
         if cycle.oil:
             found += scale.add_pressures(*cycle.oil)
-    healthy = {ScaleCondition.GOOD, ScaleCondition.AT_REST}
-    lost = {ScaleCondition.PRESSURES_LOST, ScaleCondition.POSITIONS_LOST}
+    healthy = {PayloadCondition.GOOD, PayloadCondition.AT_REST}
+    lost = {PayloadCondition.PRESSURES_LOST, PayloadCondition.POSITIONS_LOST}
     time = recording().pressure_time
-    during = {one.condition for one in found if time[FROM] + 0.4 < one.time < time[UNTIL - 1]}
+    during = {
+        estimate.condition
+        for estimate in found
+        if time[FROM] + 0.4 < estimate.time < time[UNTIL - 1]
+    }
     if way != "out of order" and during:  # without its clock it tells nothing
         assert during <= lost
         assert during & SCALE[disturbed]
     assert found[-1].condition in healthy
-    assert all(np.isfinite(one.load.mass) for one in found)
+    assert all(np.isfinite(estimate.load.mass) for estimate in found)
     assert scale.late + scale.invalid >= (0 if way == "lost" else (UNTIL - FROM) // 2)
 
 

@@ -6,20 +6,13 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import known
 
+from crane_model.hydraulics import Measured
+from crane_model.hydraulics.simulation import circuit_of
 from crane_model.hydraulics.stepping import roots
-from crane_model.hydraulics.values import Measured
 from crane_model.model_file import Model
-from crane_model.whole_crane import circuit_of
 from crane_observer.position.flow import (
-    FAINT_A,
-    FAINT_B,
-    FLOW_A,
-    FLOW_B,
-    LOST_A,
-    LOST_B,
-    SUMS,
-    WIDE_A,
-    WIDE_B,
+    FLOW_SUMS,
+    SPOOL,
     Commands,
     add_interval,
     spools_of,
@@ -38,8 +31,8 @@ def lagging(frequency: float) -> Model:
         "natural_frequency": Measured(value=frequency, unit="rad/s"),
     }
     joints = {
-        name: one.model_copy(update={"valve": one.valve.model_copy(update=told)})
-        for name, one in model.hydraulics.joints.items()
+        name: values.model_copy(update={"valve": values.valve.model_copy(update=told)})
+        for name, values in model.hydraulics.joints.items()
     }
     return replace(model, hydraulics=model.hydraulics.model_copy(update={"joints": joints}))
 
@@ -48,7 +41,7 @@ def lagging(frequency: float) -> Model:
 def test_a_spool_follows_a_ramp_by_the_lag_that_was_measured(frequency: float) -> None:
     model = lagging(frequency)
     circuit, spools = circuit_of(model), spools_of(model)
-    commands, spool, sums = Commands.none(3), np.zeros((3, 3)), np.zeros((3, SUMS))
+    commands, spool, sums = Commands.none(3), np.zeros(3, SPOOL), np.zeros(3, FLOW_SUMS)
     p, rate, count = np.full((2, 3), 8e6), 0.5, 200
     for k in range(count):
         now = k * PERIOD
@@ -57,7 +50,7 @@ def test_a_spool_follows_a_ramp_by_the_lag_that_was_measured(frequency: float) -
         add_interval(circuit, spools, commands, spool, 0.0, now, end, p, p, 17e6, LARGEST, sums)
     held = 0.5 * PERIOD  # a command that is held is late by this on the mean
     wanted = rate * (count * PERIOD - held - LAG)
-    assert np.abs(spool[:, 0]) == pytest.approx(wanted, abs=rate * 0.3 * PERIOD)
+    assert np.abs(spool["position"]) == pytest.approx(wanted, abs=rate * 0.3 * PERIOD)
 
 
 @pytest.mark.parametrize(
@@ -75,14 +68,14 @@ def test_flow_is_not_known_where_either_reading_is_at_an_end(
 ) -> None:
     model = known()
     circuit, spools = circuit_of(model), spools_of(model)
-    commands, spool, sums = Commands.none(3), np.zeros((3, 3)), np.zeros((3, SUMS))
+    commands, spool, sums = Commands.none(3), np.zeros(3, SPOOL), np.zeros(3, FLOW_SUMS)
     first, last = np.full((2, 3), 8e6), np.full((2, 3), 8e6)
     first[1, 1], last[1, 1] = before, after
     add_interval(
         circuit, spools, commands, spool, 0.0, 0.0, PERIOD, first, last, 17e6, LARGEST, sums
     )
-    assert (sums[:, LOST_B] > 0.0).tolist() == [False, lost, False]
-    assert not sums[:, LOST_A].any()
+    assert (sums["lost"][:, 1] > 0.0).tolist() == [False, lost, False]
+    assert not sums["lost"][:, 0].any()
 
 
 @pytest.mark.parametrize(
@@ -102,27 +95,26 @@ def test_an_open_edge_without_a_drop_is_faint(
 ) -> None:
     model = known()
     circuit, spools = circuit_of(model), spools_of(model)
-    commands, spool, sums = Commands.none(3), np.zeros((3, 3)), np.zeros((3, SUMS))
-    spool[:] = np.array([command, 0.0, command])
+    commands, spool, sums = Commands.none(3), np.zeros(3, SPOOL), np.zeros(3, FLOW_SUMS)
+    spool["position"] = spool["edge"] = command
     commands.add(-1.0, command * spools.sense)
     p = np.repeat(np.array([[p_a], [p_b]]), 3, axis=1)
     add_interval(circuit, spools, commands, spool, 0.0, 0.0, PERIOD, p, p, 17e6, LARGEST, sums)
-    for side, wanted in zip((FAINT_A, FAINT_B), faint, strict=True):
-        assert sums[:, side] == pytest.approx(PERIOD if wanted else 0.0)
+    for chamber, wanted in enumerate(faint):
+        assert sums["faint"][:, chamber] == pytest.approx(PERIOD if wanted else 0.0)
 
 
 @pytest.mark.parametrize("command", [-0.7, 0.7])
 def test_what_flows_grows_with_the_root_of_the_drop(command: float) -> None:
     model = known()
     circuit, spools = circuit_of(model), spools_of(model)
-    commands, spool, sums = Commands.none(3), np.zeros((3, 3)), np.zeros((3, SUMS))
-    spool[:] = np.array([command, 0.0, command])
+    commands, spool, sums = Commands.none(3), np.zeros(3, SPOOL), np.zeros(3, FLOW_SUMS)
+    spool["position"] = spool["edge"] = command
     commands.add(-1.0, command * spools.sense)
     p, supply, tank = np.repeat([[6e6], [9e6]], 3, axis=1), 17e6, circuit.tank_pressure
     add_interval(circuit, spools, commands, spool, 0.0, 0.0, PERIOD, p, p, supply, LARGEST, sums)
     leaked = PERIOD * circuit.leakage * (p[0] - p[1])
     drops = (supply - p[0], p[1] - tank) if command > 0.0 else (p[0] - tank, supply - p[1])
-    for wide, drop, flow in zip(
-        (WIDE_A, WIDE_B), drops, (sums[:, FLOW_A] + leaked, sums[:, FLOW_B] - leaked), strict=True
-    ):
-        assert sums[:, wide] * roots(drop) == pytest.approx(flow, rel=1e-9)
+    flows = sums["flow"].T + np.array([leaked, -leaked])
+    for wide, drop, flow in zip(sums["wide"].T, drops, flows, strict=True):
+        assert wide * roots(drop) == pytest.approx(flow, rel=1e-9)

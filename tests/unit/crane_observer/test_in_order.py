@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_observer.node.observer_node import LONGEST, InOrder
+from crane_observer.node.observer_node import LONGEST_WAIT, InOrder
 
 MS = 1_000_000  # ns
 CYCLE = 5 * MS
@@ -19,7 +19,7 @@ def test_topics_that_lag_by_some_cycles_are_put_in_order(lags: list[int], count:
                 order.add((k - lag) * CYCLE, topic, "")
         if k >= max(lags):
             taken += order.take()
-    stamps = [one[:2] for one in taken]
+    stamps = [stamped[:2] for stamped in taken]
     assert stamps == sorted(stamps)
     if count > max(lags):
         assert stamps[-1][0] == (count - 1 - max(lags)) * CYCLE
@@ -34,12 +34,12 @@ def test_a_topic_that_ends_holds_nothing_up_for_long() -> None:
     assert newest.stamp == 99 * CYCLE
     order.add(100 * CYCLE, 0, "pressures")
     assert order.take()[-1].stamp == 100 * CYCLE
-    assert LONGEST < 99 * CYCLE
+    assert LONGEST_WAIT < 99 * CYCLE
 
 
 def test_a_stamp_that_went_back_is_not_lost() -> None:
     order: InOrder[str] = InOrder()
     order.add(10 * CYCLE, 0, "new")
     order.add(2 * CYCLE, 0, "old")
-    assert [one.message for one in order.take()] == ["old", "new"]
+    assert [stamped.message for stamped in order.take()] == ["old", "new"]
     assert order.take() == []

@@ -1,4 +1,4 @@
-"""The parts of the position sensor against others: numeric slopes, filterpy, orifices."""
+"""The parts of the position estimator against others: numeric slopes, filterpy, orifices."""
 
 import numpy as np
 import pytest
@@ -7,22 +7,19 @@ from unit.crane_model.test_hydraulics import crane
 
 from crane_model.cylinders import generalized_forces
 from crane_model.dynamics import Geometry, lagrangian_regressor
+from crane_model.hydraulics.simulation import circuit_of
 from crane_model.record import Record
 from crane_model.terms.gravity_and_load import tip_mass
-from crane_model.whole_crane import circuit_of
 from crane_observer.position.balance import LoadedMechanics
+from crane_observer.position.filter import Observability
 from crane_observer.position.flow import (
-    FLOW_A,
-    FLOW_B,
-    FORCE,
-    SUMS,
+    FLOW_SUMS,
+    SPOOL,
     Commands,
     add_interval,
     spools_of,
 )
-from crane_observer.position.hypotheses import Observability
-from crane_observer.position.kalman import carry, correct, relax
-from crane_observer.position.state import POSITION, StateLayout, Trust
+from crane_observer.position.state import StateLayout, Trust, carry, correct, relax
 
 Q, V, A = np.array([[0.4, -1.3, 0.5]]), np.array([[0.1, -0.05, 0.2]]), np.array([[0.2, 0.1, -0.1]])
 
@@ -58,28 +55,28 @@ def test_slopes_of_the_balance_are_differences(j: int) -> None:
 def test_a_linear_case_is_that_of_filterpy() -> None:
     rng = np.random.default_rng(0)
     n = 6
-    other = KalmanFilter(n, 2)
+    oracle = KalmanFilter(n, 2)
     root = rng.normal(size=(n, n))
-    other.P, other.x = root @ root.T, rng.normal(size=(n, 1))
-    x, P = other.x[:, 0].copy(), other.P.copy()
+    oracle.P, oracle.x = root @ root.T, rng.normal(size=(n, 1))
+    x, P = oracle.x[:, 0].copy(), oracle.P.copy()
     for _ in range(20):
         decay, added = rng.uniform(0.9, 1.0, n), rng.uniform(0.0, 0.1, n)
         relax(x, P, decay, added)
-        other.F, other.Q = np.diag(decay), np.diag(added)
-        other.predict()
+        oracle.F, oracle.Q = np.diag(decay), np.diag(added)
+        oracle.predict()
         slopes = np.zeros((2, n))
         slopes[:, 2:] = rng.normal(size=(2, n - 2))
         slopes[[0, 1], [0, 1]] = rng.uniform(0.8, 1.2, 2)
-        other.F, other.Q = np.eye(n), np.zeros((n, n))
-        other.F[:2] = slopes
+        oracle.F, oracle.Q = np.eye(n), np.zeros((n, n))
+        oracle.F[:2] = slopes
         carry(P, np.arange(2), slopes)
         x[:2] = slopes @ x
-        other.predict()
+        oracle.predict()
         H, z, R = rng.normal(size=(2, n)), rng.normal(size=2), rng.uniform(0.1, 1.0, 2)
         correct(x, P, H, z - H @ x, R, n)
-        other.update(z[:, np.newaxis], np.diag(R), H)
-    np.testing.assert_allclose(x, other.x[:, 0], rtol=1e-7)
-    np.testing.assert_allclose(P, other.P, rtol=1e-6, atol=1e-10)
+        oracle.update(z[:, np.newaxis], np.diag(R), H)
+    np.testing.assert_allclose(x, oracle.x[:, 0], rtol=1e-7)
+    np.testing.assert_allclose(P, oracle.P, rtol=1e-6, atol=1e-10)
 
 
 def test_a_measurement_of_infinite_variance_says_nothing() -> None:
@@ -92,7 +89,7 @@ def test_a_measurement_of_infinite_variance_says_nothing() -> None:
 def test_steady_flow_is_that_of_the_orifices() -> None:
     model = crane()
     circuit, spools = circuit_of(model), spools_of(model)
-    commands, spool, sums = Commands.none(3), np.zeros((3, 3)), np.zeros((3, SUMS))
+    commands, spool, sums = Commands.none(3), np.zeros(3, SPOOL), np.zeros(3, FLOW_SUMS)
     commands.add(0.0, np.full(3, 0.5))
     p = np.array([[9e6] * 3, [4e6] * 3])
     add_interval(circuit, spools, commands, spool, 0.0, 0.0, 1.0, p, p, 17e6, 25e6, sums)
@@ -105,17 +102,17 @@ def test_steady_flow_is_that_of_the_orifices() -> None:
         tank = circuit.tank_pressure
         into_a = 17e6 - 9e6 if sense > 0 else -(9e6 - tank)
         into_b = -(4e6 - tank) if sense > 0 else 17e6 - 4e6
-        for place, drop in ((FLOW_A, into_a), (FLOW_B, into_b)):
+        for chamber, drop in enumerate((into_a, into_b)):
             wanted = 0.1 * 3e-7 * o * np.sign(drop) * np.sqrt(abs(drop))
-            assert sums[j, place] == pytest.approx(wanted, rel=1e-3)
+            assert sums["flow"][j, chamber] == pytest.approx(wanted, rel=1e-3)
     force = generalized_forces(model.machine, Q, p[:1], p[1:], model.joints)[0]
     lever = LoadedMechanics.of(model).cylinders(Q)[0][:, 1]
-    np.testing.assert_allclose(lever * sums[:, FORCE] / 0.1, force, rtol=1e-9)
+    np.testing.assert_allclose(lever * sums["impulse"] / 0.1, force, rtol=1e-9)
 
 
 def test_what_forces_do_not_bound_is_not_observable() -> None:
     """A pose that forces tell of two joints alone; as they forget, they tell of none."""
-    layout, span = StateLayout(3), np.array([1.8, 2.6, 1.5])
+    layout, span = StateLayout.of(3), np.array([1.8, 2.6, 1.5])
     watched = Observability(layout, span, Trust().spread(layout))
     assert not watched.observable.any()
     rows = np.zeros((2, layout.size))
@@ -126,4 +123,4 @@ def test_what_forces_do_not_bound_is_not_observable() -> None:
     assert watched.deviation[2] == pytest.approx(span[2])
     watched.add(rows[:0], 1e4)
     assert not watched.observable.any()
-    assert layout.of(POSITION) == slice(0, 3)
+    assert layout.position == slice(0, 3)

@@ -8,10 +8,9 @@ import pytest
 from unit.crane_observer.observed import at_work, known, recording
 
 from crane_model.array import Array
-from crane_observer.position.kalman import Gaussian, KeptGaussian
-from crane_observer.position.replay import EstimatedCourse, replay_smoothed
-from crane_observer.position.sensor import PositionSensor
-from crane_observer.position.smoothing import CHAPTER, KnownLater
+from crane_observer.position.estimator import PositionEstimator
+from crane_observer.position.replay import CHAPTER, EstimatedCourse, KnownLater, replay_smoothed
+from crane_observer.position.state import Gaussian, KeptGaussian
 
 SIZE, MOVED, SEEN, TIMES = 5, 2, 2, 12
 ALL = np.ones(3, dtype=bool)
@@ -101,13 +100,13 @@ def test_a_linear_case_is_conditioned_on_all_measurements() -> None:
     H = np.zeros((TIMES * SEEN, len(spread)))
     for k in range(TIMES):
         H[k * SEEN : (k + 1) * SEEN, (k + 1) * SIZE : (k + 2) * SIZE] = case.H[k]
-    prior = np.concatenate([one @ mean for one in maps])
+    prior = np.concatenate([matrix @ mean for matrix in maps])
     gain = np.linalg.solve(H @ spread @ H.T + np.diag(case.variance.ravel()), H @ spread).T
     wanted, left = prior + gain @ (z.ravel() - H @ prior), spread - gain @ H @ spread
-    for k, one in enumerate(case.smoothed(mean, z, SIZE)):
+    for k, state in enumerate(case.smoothed(mean, z, SIZE)):
         rows = slice(k * SIZE, (k + 1) * SIZE)
-        np.testing.assert_allclose(one.x, wanted[rows], rtol=1e-6, atol=1e-8)
-        np.testing.assert_allclose(one.P, left[rows, rows], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(state.x, wanted[rows], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(state.P, left[rows, rows], rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("estimated", [SIZE, SIZE - 2])
@@ -119,11 +118,11 @@ def test_covariances_are_the_sum_of_all_responses(estimated: int) -> None:
     total = np.zeros((TIMES + 1, SIZE, SIZE))
     for true, z in responses(case):
         found = case.smoothed(np.zeros(SIZE), z, estimated)
-        error = np.array([one.x for one in found]) - true
+        error = np.array([state.x for state in found]) - true
         total += error[:, :, np.newaxis] * error[:, np.newaxis]
-    for wanted, one in zip(total, found, strict=True):
-        np.testing.assert_allclose(one.P, wanted, rtol=1e-6, atol=1e-8)
-        np.testing.assert_array_equal(one.x[estimated:], 0.0)
+    for wanted, state in zip(total, found, strict=True):
+        np.testing.assert_allclose(state.P, wanted, rtol=1e-6, atol=1e-8)
+        np.testing.assert_array_equal(state.x[estimated:], 0.0)
 
 
 @pytest.mark.parametrize("considered", [1, 2])
@@ -167,7 +166,7 @@ def course(case: LinearCase, start: Array, driven: Array, seen: Array) -> tuple[
 
 
 def smoothed(start: Array, deviation: float, hidden: Array) -> tuple[EstimatedCourse, ...]:
-    return replay_smoothed(PositionSensor(known(), start, deviation), recording(), hidden)
+    return replay_smoothed(PositionEstimator(known(), start, deviation), recording(), hidden)
 
 
 def true(course: EstimatedCourse) -> Array:
@@ -191,7 +190,7 @@ def test_the_end_is_that_of_the_filter_and_the_rest_is_surer() -> None:
 
 def test_a_start_that_was_wrong_is_known_in_hindsight() -> None:
     online, later = smoothed(recording().encoders[0] + 0.2, 0.2, ALL)
-    error = [np.sqrt(np.mean((one.position - true(one)) ** 2)) for one in (online, later)]
+    error = [np.sqrt(np.mean((run.position - true(run)) ** 2)) for run in (online, later)]
     assert error[1] < 0.6 * error[0]
     assert (np.abs(later.position - true(later)) < 2.5 * later.deviation).mean() > 0.95
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import JOINTS, MACHINE, known
 
-from crane_benchmark.observing.cycles import PAYLOAD
-from crane_observer.position.sensor import PositionSensor, SensorCondition, Told
-from crane_sim.parts.parameters import load_stand_in
+from crane_benchmark.observing.machines import PAYLOAD
+from crane_observer.position.estimator import EstimatorCondition, PositionEstimator, WindowEstimate
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.plant import Plant
 
 STEP = 0.005  # s
@@ -23,24 +23,24 @@ LOST_AT = 0.3  # s
 class Seen(NamedTuple):
     """What was told of the joints at n times, and what was true."""
 
-    told: list[Told]
+    told: list[WindowEstimate]
     away: np.ndarray  # (n, 3) rad, m
     deviation: np.ndarray  # (n, 3)
     load: np.ndarray  # (n,) kg, of the load that hangs there
 
 
 class Bench:
-    """A machine, its position sensor, and one joint whose encoder is lost at the start."""
+    """A machine, its position estimator, and one joint whose encoder is lost at the start."""
 
     def __init__(self, lost: int, seed: int, stays_frozen: bool = False):
-        self.plant = Plant(load_stand_in(), MACHINE, START, [PAYLOAD])
-        self.sensor = PositionSensor(known(), START[COLUMNS])
+        self.plant = Plant(load_simulated_crane(), MACHINE, START, [PAYLOAD])
+        self.sensor = PositionEstimator(known(), START[COLUMNS])
         self.time, self.load, self.count = 0.0, 0.0, 0
         self.keeps: Callable[[], bool] = lambda: True
         self.push = np.zeros(3)  # Pa, on chambers A
         self._lost, self._frozen, self._rng = lost, stays_frozen, np.random.default_rng(seed)
         self._shown = np.nan
-        self._seen: list[tuple[Told, np.ndarray, float]] = []
+        self._seen: list[tuple[WindowEstimate, np.ndarray, float]] = []
         self.work(0.5, np.zeros(3))
 
     def work(self, seconds: float, command: np.ndarray, step: float = STEP) -> None:
@@ -59,7 +59,7 @@ class Bench:
 
     def seen(self) -> Seen:
         told, away, load = zip(*self._seen, strict=True)
-        deviation = np.array([one.estimate.deviation[:-1] for one in told])
+        deviation = np.array([window.estimate.deviation[:-1] for window in told])
         return Seen(list(told), np.array(away), deviation, np.array(load))
 
     def _tell(self, passed: float) -> None:
@@ -95,7 +95,7 @@ def back(bench: Bench) -> None:
 
 def holds(seen: Seen, lost: int, since: float = 0.0) -> None:
     """Within its own 95 % interval in 95 % of the windows, and at the last of them."""
-    rows = np.array([one.estimate.time > since for one in seen.told])
+    rows = np.array([window.estimate.time > since for window in seen.told])
     inside = np.abs(seen.away[rows, lost]) < 1.96 * seen.deviation[rows, lost]
     assert inside.mean() > 0.95
     assert inside[-1]
@@ -111,7 +111,7 @@ def test_a_long_stand_adds_no_certainty(lost: int, seconds: float) -> None:
     assert stood.deviation[-1, lost] > 0.95 * begun
     estimate = stood.told[-1].estimate  # of a machine that carries nothing
     assert abs(estimate.load) < 1.96 * estimate.deviation[-1]
-    assert stood.told[-1].condition is SensorCondition.ENCODER_LOST
+    assert stood.told[-1].condition is EstimatorCondition.ENCODER_LOST
     back(bench)
     holds(bench.seen(), lost)
 
@@ -164,7 +164,7 @@ def test_one_window_at_rest_is_no_load() -> None:
     bench.push = np.zeros(3)
     bench.wait(2.0)
     after = bench.seen()
-    assert not any(one.estimate.surprised for one in after.told)
+    assert not any(window.estimate.surprised for window in after.told)
     assert abs(after.told[-1].estimate.load - before.load) < 1.0
     holds(after, 1)
 
@@ -175,4 +175,4 @@ def test_a_load_that_no_machine_carries_is_named() -> None:
     moved(bench)
     bench.work(2.0, np.array([-0.2, 0.25, -0.2]))
     told = bench.seen().told
-    assert told[-1].condition is SensorCondition.LOAD_IMPOSSIBLE
+    assert told[-1].condition is EstimatorCondition.LOAD_IMPOSSIBLE

@@ -1,4 +1,4 @@
-"""How far the position sensor trusts flow: as far as the model file says it was identified."""
+"""How far the position estimator trusts flow: as far as the model file says it was identified."""
 
 from dataclasses import replace
 from typing import Any
@@ -8,10 +8,9 @@ import pytest
 from unit.crane_observer.observed import JOINTS, known
 
 from crane_model.model_file import Model
-from crane_observer.position.balance import Known
-from crane_observer.position.flow import SUMS, Commands, add_interval, spools_of
-from crane_observer.position.state import FLOW_SHARES, NULL, UNEXPLAINED, FlowWindow, flow_share
-from crane_observer.position.strokes import Stroke, stroke_of
+from crane_observer.position.balance import Known, Stroke, stroke_of
+from crane_observer.position.flow import FLOW_SUMS, SPOOL, Commands, add_interval, spools_of
+from crane_observer.position.state import FLOW_SHARES, UNEXPLAINED_OF_TRUST, FlowWindow, flow_share
 
 OFFSET = 2e4  # Pa
 OPENING, SECONDS = 0.4, 0.05
@@ -38,7 +37,7 @@ def dead_zones(std_dev: float) -> dict[str, Any]:
 
 def null_of(model: Model) -> float:
     of = Known.of(model, np.zeros(len(JOINTS)))
-    return float(of.spread[of.layout.of(NULL)][JOINT])
+    return float(of.spread[of.layout.null][JOINT])
 
 
 def test_a_null_is_as_sure_as_the_dead_zones_were_identified() -> None:
@@ -47,7 +46,7 @@ def test_a_null_is_as_sure_as_the_dead_zones_were_identified() -> None:
 
 
 def test_flow_that_is_left_unexplained_makes_a_null_less_sure() -> None:
-    poor = with_hydraulics(unexplained=UNEXPLAINED, lack_of_fit=0.0)
+    poor = with_hydraulics(unexplained=UNEXPLAINED_OF_TRUST, lack_of_fit=0.0)
     assert null_of(poor) > 100.0 * null_of(known())
 
 
@@ -57,7 +56,7 @@ def test_flow_that_is_left_unexplained_makes_a_null_less_sure() -> None:
 def test_what_noise_alone_leaves_unexplained_is_no_doubt(
     probability: float | None, share: float
 ) -> None:
-    model = with_hydraulics(unexplained=0.5 * UNEXPLAINED, lack_of_fit=probability)
+    model = with_hydraulics(unexplained=0.5 * UNEXPLAINED_OF_TRUST, lack_of_fit=probability)
     assert flow_share(model)[JOINT] == pytest.approx(share)
 
 
@@ -67,8 +66,12 @@ def stroke(of: Known, p_a: float, gain: float) -> Stroke:
     """
     spools, circuit = spools_of(known()), of.circuit
     joints = len(JOINTS)
-    spool, sums, commands = np.zeros((joints, 3)), np.zeros((joints, SUMS)), Commands.none(joints)
-    spool[:, [0, 2]] = OPENING
+    spool, sums, commands = (
+        np.zeros(joints, SPOOL),
+        np.zeros(joints, FLOW_SUMS),
+        Commands.none(joints),
+    )
+    spool["position"] = spool["edge"] = OPENING
     commands.add(-1.0, spools.sense * OPENING)
     pressures = np.array([[p_a] * joints, [circuit.tank_pressure] * joints])
     add_interval(

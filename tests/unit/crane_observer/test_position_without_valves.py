@@ -5,18 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from unit.crane_observer.observed import JOINTS, known, recording
-from unit.crane_observer.test_position_sensor import ALL, errors, rms
+from unit.crane_observer.test_position_estimator import ALL, errors, rms
 
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics.values import HydraulicValues
+from crane_model.hydraulics import HydraulicValues
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_observer.position.balance import Known
-from crane_observer.position.flow import GAIN_DOUBT
-from crane_observer.position.hypotheses import refuse_unserved, told_by_weight
+from crane_observer.position.estimator import EstimatorCondition, PositionEstimator
+from crane_observer.position.filter import refuse_unserved, told_by_weight
+from crane_observer.position.flow import ASSUMED_VALVE
 from crane_observer.position.replay import replay
-from crane_observer.position.sensor import PositionSensor, SensorCondition
-from crane_observer.position.state import EXTENDING
 
 BARE = replace(known(), hydraulics=None)
 ABOUT = np.array([5e-2, 5e-2, 1e-1])  # rad, rad, m
@@ -28,26 +27,26 @@ def only(joint: int) -> np.ndarray:
 
 @pytest.mark.parametrize("lost", range(3))
 def test_one_joint_goes_on_by_its_weight_and_says_how_well(lost: int) -> None:
-    course = replay(PositionSensor(BARE, recording().encoders[0]), recording(), only(lost))
+    course = replay(PositionEstimator(BARE, recording().encoders[0]), recording(), only(lost))
     away = errors(course)
     assert rms(away)[lost] < ABOUT[lost]
     assert (np.abs(away[:, lost]) < 1.96 * course.deviation[:, lost]).mean() > 0.9
     assert course.deviation[-1, lost] < 2.0 * ABOUT[lost]  # it does not drift away
-    assert set(course.conditions[3:]) == {SensorCondition.VALVES_UNKNOWN}
+    assert set(course.conditions[3:]) == {EstimatorCondition.VALVES_UNKNOWN}
     assert rms(away)[~only(lost)].max() < 2e-4
 
 
 def test_with_all_encoders_nothing_is_lacking() -> None:
-    course = replay(PositionSensor(BARE, recording().encoders[0]), recording(), ~ALL)
-    assert set(course.conditions[3:]) == {SensorCondition.GOOD}
+    course = replay(PositionEstimator(BARE, recording().encoders[0]), recording(), ~ALL)
+    assert set(course.conditions[3:]) == {EstimatorCondition.GOOD}
     assert course.observable[3:].all()
 
 
 def test_several_joints_without_encoders_are_not_to_be_believed() -> None:
     hidden = np.array([True, True, False])
-    course = replay(PositionSensor(BARE, recording().encoders[0]), recording(), hidden)
+    course = replay(PositionEstimator(BARE, recording().encoders[0]), recording(), hidden)
     assert set(course.conditions[3:]) <= {
-        SensorCondition.UNSERVED, SensorCondition.LOAD_IMPOSSIBLE,
+        EstimatorCondition.UNSERVED, EstimatorCondition.LOAD_IMPOSSIBLE,
     }  # fmt: skip
     assert not course.observable[3:, :2].any()
     with pytest.raises(ConfigurationError, match="valves of inner_boom, outer_boom are not"):
@@ -57,14 +56,16 @@ def test_several_joints_without_encoders_are_not_to_be_believed() -> None:
 def test_where_one_valve_is_not_identified_the_others_are_used() -> None:
     hydraulics = known().hydraulics
     assert hydraulics is not None
-    joints = {joint: one for joint, one in hydraulics.joints.items() if joint != JOINTS[0]}
+    joints = {
+        joint: parameters for joint, parameters in hydraulics.joints.items() if joint != JOINTS[0]
+    }
     model = replace(known(), hydraulics=HydraulicValues(provenance="two", joints=joints))
     assert Known.of(model, np.zeros(3)).assumed.tolist() == [True, False, False]
-    gains = Known.of(model, np.zeros(3)).spread[Known.of(model, np.zeros(3)).layout.of(EXTENDING)]
-    assert gains[0] == GAIN_DOUBT and (gains[1:] < 0.01).all()
-    course = replay(PositionSensor(model, recording().encoders[0]), recording(), only(1))
+    gains = Known.of(model, np.zeros(3)).spread[Known.of(model, np.zeros(3)).layout.extending]
+    assert gains[0] == ASSUMED_VALVE.gain_doubt and (gains[1:] < 0.01).all()
+    course = replay(PositionEstimator(model, recording().encoders[0]), recording(), only(1))
     assert rms(errors(course))[1] < 2e-3
-    assert set(course.conditions[3:]) == {SensorCondition.GOOD}
+    assert set(course.conditions[3:]) == {EstimatorCondition.GOOD}
     assert refuse_unserved(model, ~only(0)) == []
     (warning,) = refuse_unserved(model, ALL)
     assert warning.startswith("inner_boom: its valve is not identified")
@@ -90,13 +91,13 @@ def test_a_joint_whose_weight_tells_nothing_is_refused() -> None:
 
 def test_a_model_without_a_machine_or_transducers_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="names no machine file"):
-        PositionSensor(on(None), np.zeros(3))
+        PositionEstimator(on(None), np.zeros(3))
     machine = BARE.machine
     assert machine is not None
     joint = machine.joints[machine.index("telescope")]
     blind = joint.model_copy(
         update={"actuator": joint.actuator.model_copy(update={"pressure_sensors": False})}
     )
-    joints = tuple(blind if one is joint else one for one in machine.joints)
+    joints = tuple(blind if name is joint else name for name in machine.joints)
     with pytest.raises(ConfigurationError, match="telescope: it has no chambers with pressure"):
-        PositionSensor(on(machine.model_copy(update={"joints": joints})), np.zeros(3))
+        PositionEstimator(on(machine.model_copy(update={"joints": joints})), np.zeros(3))

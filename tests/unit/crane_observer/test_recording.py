@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from crane_bags.driver_states import let_through
+from crane_bags.reader import let_through
 from crane_bags.types import CYLINDER_PRESSURES, DRIVER_STATE, VALVE_COMMAND, typestore
 from crane_bags.writer import BagWriter
 from crane_model.errors import DataError
@@ -48,9 +48,9 @@ def test_a_bag_tells_when_commands_reached_the_valves(tmp_path: Path) -> None:
     assert not len(let_through(tmp_path / "bag", "/")[0])
 
 
-@pytest.mark.parametrize(("every", "refused"), [(25, True), (150, False)])
+@pytest.mark.parametrize(("messages", "refused"), [(25, True), (150, False)])
 def test_time_that_goes_back_is_told_and_refused_beyond_a_share(
-    every: int, refused: bool, tmp_path: Path
+    messages: int, refused: bool, tmp_path: Path
 ) -> None:
     """Both stamps go back by 7 ms every so many messages of 5 ms."""
     joints = ("boom", "stick")
@@ -58,7 +58,7 @@ def test_time_that_goes_back_is_told_and_refused_beyond_a_share(
         pressures = bag.add_arrays(CYLINDER_PRESSURES, joints)
         commands = bag.add_arrays(VALVE_COMMAND, joints)
         for k in range(600):
-            stamp = 10**18 + k * 5_000_000 - 7_000_000 * (k // every)
+            stamp = 10**18 + k * 5_000_000 - 7_000_000 * (k // messages)
             pressures.write(stamp, stamp, np.ones(2), np.ones(2), 1.0, 0.0)
             commands.write(stamp, stamp, np.zeros(2))
     if refused:
@@ -66,4 +66,4 @@ def test_time_that_goes_back_is_told_and_refused_beyond_a_share(
             HeardRecording.read(tmp_path / "bag", joints)
     else:
         notes = HeardRecording.read(tmp_path / "bag", joints).notes
-        assert len(notes) == 2 and all("time goes back 3 times" in one for one in notes)
+        assert len(notes) == 2 and all("time goes back 3 times" in note for note in notes)

@@ -1,10 +1,10 @@
-"""The stand-in machine and its surroundings."""
+"""The simulated crane and its surroundings."""
 
 import pytest
 
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 
 
@@ -15,9 +15,9 @@ def machine() -> Machine:
 
 
 @pytest.fixture(scope="session")
-def stand_in() -> StandIn:
-    """The stand-in with the report's friction law."""
-    return load_stand_in()
+def simulated() -> SimulatedCrane:
+    """The simulated crane with the report's friction law."""
+    return load_simulated_crane()
 
 
 @pytest.fixture(scope="session")

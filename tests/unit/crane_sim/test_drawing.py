@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 from crane_model.cylinders import cylinder_length
 from crane_model.errors import RangeError
 from crane_model.kinematics import link_transforms
-from crane_model.machine import Machine, load_machine
+from crane_model.machine import Machine, load_machine, parse_pose
 from crane_sim.drawing.bodies import Pins, pins
 from crane_sim.drawing.scene import Scene
-from crane_sim.parts.parameters import StandIn
-from crane_sim.parts.pose import parse_pose
+from crane_sim.parts.parameters import SimulatedCrane
 
 JOINTS = load_machine().joint_names
 
@@ -81,8 +80,8 @@ def test_elbow_and_tip_are_those_of_the_kinematics(q: np.ndarray) -> None:
 
 
 @pytest.fixture(scope="module")
-def scene(stand_in: StandIn, machine: Machine) -> Scene:
-    return Scene(stand_in, machine)
+def scene(simulated: SimulatedCrane, machine: Machine) -> Scene:
+    return Scene(simulated, machine)
 
 
 ENDS = {  # part, and the pins at its origin and on its x axis
@@ -130,8 +129,8 @@ def test_pins_stay_on_the_bodies_that_carry_them(scene: Scene, q: np.ndarray) ->
     np.testing.assert_allclose(places[0], places[1], atol=1e-9)
 
 
-def test_drawing_adds_no_mass_and_no_contact(scene: Scene, stand_in: StandIn) -> None:
-    bodies = stand_in.bodies
+def test_drawing_adds_no_mass_and_no_contact(scene: Scene, simulated: SimulatedCrane) -> None:
+    bodies = simulated.bodies
     total = sum(body.mass for body in bodies.values())
     assert scene.model.body_mass.sum() == pytest.approx(total)
     assert scene.data.ncon == 0

@@ -12,7 +12,7 @@ from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import Machine
 from crane_sim.drawing import film
 from crane_sim.drawing.film import LEFT, RIGHT, Shot, Strip, shot
-from crane_sim.drawing.offscreen import gl_context
+from crane_sim.drawing.scene import gl_context
 
 SIZE = (240, 200)
 SECONDS, STEP = 4.0, 0.01

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from crane_model.machine_files import machine_file
 from crane_sim.parts.constants import pack_friction
 from crane_sim.parts.cylinders import lugre_force, step_lugre, step_set_valued
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 
 STEP = 1e-3
 
@@ -29,7 +29,7 @@ def _step(
 @given(seed=st.integers(0, 2**32 - 1), load=st.floats(0.1, 4.0))
 def test_result_of_a_step_satisfies_the_set_valued_law(seed: int, load: float) -> None:
     """Where a joint moves friction is (13) at the new velocity; where it stands, within (13)."""
-    law = pack_friction(load_stand_in())
+    law = pack_friction(load_simulated_crane())
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(4, 4))
     mass = 50.0 * (root @ root.T + np.eye(4))
@@ -51,10 +51,10 @@ def test_result_of_a_step_satisfies_the_set_valued_law(seed: int, load: float) -
 @pytest.mark.parametrize("joint", range(4))
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_breakaway_is_asymmetric_and_standing_is_exact(
-    stand_in: StandIn, joint: int, sign: float
+    simulated: SimulatedCrane, joint: int, sign: float
 ) -> None:
     """Below f_c + df_c up, or f_c - df_c down, the velocity stays exactly 0; above, it moves."""
-    law = pack_friction(stand_in)
+    law = pack_friction(simulated)
     threshold = law["coulomb_up" if sign > 0 else "coulomb_down"][joint]
     push = np.zeros(4)
     push[joint] = sign * 0.999 * threshold
@@ -66,8 +66,8 @@ def test_breakaway_is_asymmetric_and_standing_is_exact(
 @pytest.mark.parametrize("v", [-0.3, -0.02, -0.004, 0.004, 0.02, 0.3])
 def test_lugre_settles_at_its_steady_state_law(v: float) -> None:
     """At constant speed: Stribeck curve between breakaway and Coulomb, plus viscous friction."""
-    path = machine_file("stand_in_dynamic_friction.yaml")
-    for law in pack_friction(load_stand_in(path)):
+    path = machine_file("simulated_crane_dynamic_friction.yaml")
+    for law in pack_friction(load_simulated_crane(path)):
         z = 0.0
         for _ in range(20_000):
             force, z = lugre_force(law, v, z, 1e-3)
@@ -81,8 +81,8 @@ def test_lugre_settles_at_its_steady_state_law(v: float) -> None:
 
 def test_lugre_springs_back_before_it_slides() -> None:
     """A push below breakaway only bends the bristles: the joint comes to rest nearby."""
-    path = machine_file("stand_in_dynamic_friction.yaml")
-    law = pack_friction(load_stand_in(path))
+    path = machine_file("simulated_crane_dynamic_friction.yaml")
+    law = pack_friction(load_simulated_crane(path))
     push = 0.5 * law["coulomb_up"]
     mass, v, z, travel = 300.0 * np.eye(4), np.zeros(4), np.zeros(4), np.zeros(4)
     for _ in range(40_000):

@@ -20,16 +20,16 @@ from crane_sim.parts.cylinders import (
     signed_root,
     spool_step,
 )
-from crane_sim.parts.parameters import Edges, StandIn
+from crane_sim.parts.parameters import Edges, SimulatedCrane
 
 LAMINAR = 1e5
 drops = st.floats(-3e7, 3e7)
 
 
 @pytest.fixture(scope="module")
-def oil(machine: Machine, stand_in: StandIn) -> Oil:
-    """The oil of the stand-in machine."""
-    return pack(stand_in, machine).oil
+def oil(machine: Machine, simulated: SimulatedCrane) -> Oil:
+    """The oil of the simulated crane."""
+    return pack(simulated, machine).oil
 
 
 EDGES = {"supply_a": 1.1, "a_tank": 0.9, "supply_b": 0.7, "b_tank": 0.6}
@@ -39,13 +39,13 @@ EDGES = {"supply_a": 1.1, "a_tank": 0.9, "supply_b": 0.7, "b_tank": 0.6}
     ("x", "at_a", "at_b"), [(0.4, "supply_a", "b_tank"), (-0.4, "a_tank", "supply_b")]
 )
 def test_each_metering_edge_has_a_gain_of_its_own(
-    machine: Machine, stand_in: StandIn, x: float, at_a: str, at_b: str
+    machine: Machine, simulated: SimulatedCrane, x: float, at_a: str, at_b: str
 ) -> None:
     """Over a drop of 3.5 MPa an edge passes its share of the rated flow."""
-    given = stand_in.valves["telescope"]
+    given = simulated.valves["telescope"]
     edges = given.model_copy(update={"edges": Edges(**EDGES)})
-    valves = {**stand_in.valves, "telescope": edges}
-    uneven = pack(stand_in.model_copy(update={"valves": valves}), machine)
+    valves = {**simulated.valves, "telescope": edges}
+    uneven = pack(simulated.model_copy(update={"valves": valves}), machine)
     supply, drop = 17.5e6, given.rated_drop
     wanted_a, wanted_b = (share * given.rated_flow * x for share in (EDGES[at_a], -EDGES[at_b]))
     fed, drained = supply - drop, uneven.oil.tank_pressure + drop
@@ -102,11 +102,11 @@ def test_oil_that_flows_in_fills_is_compressed_or_leaks(
     assert step * entered == pytest.approx(step * growth + compressed + leaked, abs=1e-15)
 
 
-def test_dead_zone_and_stroke_of_the_spool(machine: Machine, stand_in: StandIn) -> None:
+def test_dead_zone_and_stroke_of_the_spool(machine: Machine, simulated: SimulatedCrane) -> None:
     """Nothing opens inside the overlap; the spool reaches its command and stops at its end."""
     assert opening(0.05, 0.06) == opening(-0.06, 0.06) == 0.0
     assert opening(1.0, 0.06) == 1.0 and opening(-1.0, 0.06) == -1.0
-    for valve in pack(stand_in, machine).valves:
+    for valve in pack(simulated, machine).valves:
         free = transition(valve["frequency"], valve["damping_ratio"], 1e-4)
         for command in (0.3, 5.0):
             position = rate = 0.0
@@ -119,11 +119,11 @@ def test_dead_zone_and_stroke_of_the_spool(machine: Machine, stand_in: StandIn) 
 
 @pytest.mark.parametrize("step", [2e-4, 1e-3, 5e-3])
 def test_spool_is_of_second_order_at_any_step(
-    machine: Machine, stand_in: StandIn, step: float
+    machine: Machine, simulated: SimulatedCrane, step: float
 ) -> None:
     """Against SciPy's simulation of the transfer function, where no limit holds it back."""
     command, count = 0.1, 60
-    for valve in pack(stand_in, machine).valves:
+    for valve in pack(simulated, machine).valves:
         frequency, damping_ratio = valve["frequency"], valve["damping_ratio"]
         system = ([frequency**2], [1.0, 2.0 * damping_ratio * frequency, frequency**2])
         time = step * np.arange(1, count + 1)

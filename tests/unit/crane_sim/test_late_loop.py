@@ -6,10 +6,10 @@ from scipy.signal import butter, sosfiltfilt
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.closed_loop import LatePlant, record
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
@@ -22,7 +22,7 @@ MEAN = np.full(200, 1 / 200)  # over a second
 
 
 def test_commands_that_are_50_ms_late_set_nothing_swinging() -> None:
-    machine, parameters = load_machine(), load_stand_in()
+    machine, parameters = load_machine(), load_simulated_crane()
     trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
     motion = plan(
         machine, trajectory, parameters.start, 1, load_clearance(machine_file("clearance.yaml"))

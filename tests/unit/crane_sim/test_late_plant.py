@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 
 from crane_model.machine import load_machine
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.closed_loop import LatePlant, mean_delay
 from crane_sim.plant.plant import Plant
 
-MACHINE, STAND_IN = load_machine(), load_stand_in()
+MACHINE, SIMULATED = load_machine(), load_simulated_crane()
 CYCLE = 0.005  # s
 
 
 def test_whole_cycles_late_is_the_plant_told_later() -> None:
-    late = LatePlant(STAND_IN, MACHINE, STAND_IN.start, delay=2 * CYCLE, spread=0.0)
-    beside = Plant(STAND_IN, MACHINE, STAND_IN.start)
+    late = LatePlant(SIMULATED, MACHINE, SIMULATED.start, delay=2 * CYCLE, spread=0.0)
+    beside = Plant(SIMULATED, MACHINE, SIMULATED.start)
     course = 0.5 * np.random.default_rng(5).uniform(-1.0, 1.0, (40, len(MACHINE.joint_names)))
     for k in range(len(course)):
         late.advance(course[k], CYCLE)
         beside.advance(course[k - 2] if k >= 2 else np.zeros(course.shape[1]), CYCLE)
-    assert np.abs(beside.q - STAND_IN.start).max() > 1e-3
+    assert np.abs(beside.q - SIMULATED.start).max() > 1e-3
     assert late.q == pytest.approx(beside.q, abs=1e-9)
     assert late.time == pytest.approx(beside.time)
 
@@ -34,7 +34,7 @@ def test_commands_keep_their_order_and_come_within_their_delay(seed: int) -> Non
             reached.append((self.time, float(self._in_force[0])))
             super()._run(duration)
 
-    plant = Watched(STAND_IN, MACHINE, STAND_IN.start, delay=0.004, spread=0.02, seed=seed)
+    plant = Watched(SIMULATED, MACHINE, SIMULATED.start, delay=0.004, spread=0.02, seed=seed)
     given = 1e-5 * np.arange(1, 101)
     for one in given:
         plant.advance(np.full(len(MACHINE.joint_names), one), CYCLE)

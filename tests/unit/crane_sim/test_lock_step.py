@@ -8,11 +8,10 @@ from uuid import uuid4
 import pytest
 
 from crane_driver.can.bus import BusSettings
-from crane_driver.can.frame import Frame
+from crane_driver.can.frame import START_NS, STEP, TIME, Frame, step_frame, time_frame, told_time
 from crane_driver.can.link import Link
-from crane_driver.can.simulated_time import START_NS, STEP, TIME, step_frame, time_frame, told_time
-from crane_sim.bus import pace
-from crane_sim.bus.pace import LockStep
+from crane_sim import simulated_crane
+from crane_sim.simulated_crane import LockStep
 
 PERIOD = 0.005  # s
 CYCLE = 5_000_000  # ns
@@ -80,7 +79,7 @@ def test_the_frames_of_a_cycle_are_repeated_until_it_is_answered(bench: Bench) -
 def test_a_driver_that_was_never_there_is_waited_for(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pace, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(simulated_crane, "PATIENCE_S", 0.0)
 
     def late() -> None:
         bench.until_heard(5)
@@ -93,7 +92,7 @@ def test_a_driver_that_was_never_there_is_waited_for(
 def test_time_goes_on_without_a_driver_that_died_and_waits_for_one_that_comes(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pace, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(simulated_crane, "PATIENCE_S", 0.3)
     bench.cycle(lambda: bench.answers(step_frame(START_NS)))
     begun = time.monotonic()
     for _ in range(4):  # nobody answers

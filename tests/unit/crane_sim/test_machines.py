@@ -1,4 +1,4 @@
-"""Every machine that ships with the suite, and others, as a stand-in."""
+"""Every machine that ships with the suite, and others, as a simulated crane."""
 
 import json
 from pathlib import Path
@@ -13,29 +13,29 @@ from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec
 from crane_machines import shipped
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics.values import ChamberValues, JointHydraulics, ValveValues
+from crane_model.hydraulics import ChamberValues, JointHydraulics, ValveValues
 from crane_model.kinematics import tip_position
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_nodes.joint_notes import load_joint_notes
-from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.drawing.scene import Scene
 from crane_sim.effects.form import Where
 from crane_sim.effects.sensing import faults
-from crane_sim.hiding.label import HiddenEffect, Spec, check_joints, clean
-from crane_sim.make_bag import load_both
+from crane_sim.ground_truth import InjectedEffect, Spec, check_joints, clean
+from crane_sim.machine_on_bus import MachineOnBus
+from crane_sim.options import load_both
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.mujoco_model import chain_positions, machine_spec
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_sim.plant.closed_loop import REST, record
+from crane_sim.plant.closed_loop import REST_S, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_sim.planted import main as print_planted
-from crane_sim.planted import planted
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_sim.true_values import main as print_planted
+from crane_sim.true_values import true_parameters
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
@@ -45,11 +45,11 @@ SLIDING = 5e-3  # rad/s, m/s; below it friction may hold with any force
 
 
 class Made(NamedTuple):
-    """A machine by its name, and its stand-in."""
+    """A machine by its name, and its simulated crane."""
 
     name: str
     machine: Machine
-    stand_in: StandIn
+    simulated: SimulatedCrane
 
 
 @pytest.fixture(params=MACHINES)
@@ -59,7 +59,7 @@ def made(request: pytest.FixtureRequest) -> Made:
 
 def test_rigid_bodies_are_those_of_mujoco(made: Made) -> None:
     """Which moves every joint of the chain by itself: those that follow are led afterwards."""
-    chain, model = pack_chain(made.stand_in, made.machine), machine_spec(*made[:0:-1]).compile()
+    chain, model = pack_chain(made.simulated, made.machine), machine_spec(*made[:0:-1]).compile()
     data, joints = mujoco.MjData(model), len(made.machine.joint_names)
     leads = np.array([chain_positions(made.machine, row) for row in np.eye(joints)]).T
     rng = np.random.default_rng(4)
@@ -78,17 +78,17 @@ def test_what_was_planted_explains_what_a_machine_needs(made: Made) -> None:
     """On its own excitation, by its own model: the bodies of the plant and those of the model are
     derived apart, and agree where all joints slide.
     """
-    name, machine, stand_in = made
+    name, machine, simulated = made
     motion = plan(
         machine,
         load_trajectory(machine_file("excitation_20s.yaml", name)),
-        stand_in.start,
+        simulated.start,
         1,
         load_clearance(machine_file("clearance.yaml", name)),
     )
-    sensors = Sensors(stand_in.sensors, machine, 1)
+    sensors = Sensors(simulated.sensors, machine, 1)
     gains = load_gains(machine_file("controller.yaml", name), machine)
-    found = record(motion, Plant(stand_in, machine, motion.start), sensors, gains)
+    found = record(motion, Plant(simulated, machine, motion.start), sensors, gains)
     true = clean(machine, (), faults((), machine), found.truth)
     model = load_model(machine_file("model.yaml", name))
     columns = [machine.index(joint) for joint in model.joints]
@@ -103,12 +103,12 @@ def test_what_was_planted_explains_what_a_machine_needs(made: Made) -> None:
     )
     seen = Record(
         joints=model.joints,
-        time=true.time - REST,
+        time=true.time - REST_S,
         position=position,
         velocity=velocity,
         acceleration=acceleration,
     )
-    theta = {entry.name: entry.value for entry in planted(stand_in, machine)}
+    theta = {entry.name: entry.value for entry in true_parameters(simulated, machine)}
     assert theta.keys() == {known.name for known in model.parameters}
     wanted = np.array([theta[known.name] for known in model.parameters])
     slides = (np.abs(velocity) > SLIDING).all(axis=1)
@@ -127,9 +127,9 @@ def test_what_was_planted_explains_what_a_machine_needs(made: Made) -> None:
 
 def test_a_machine_is_drawn_with_its_tip_where_it_is(made: Made) -> None:
     """And with the mass of its bodies alone."""
-    scene = Scene(made.stand_in, made.machine)
+    scene = Scene(made.simulated, made.machine)
     assert scene.model.body_mass.sum() == pytest.approx(
-        sum(body.mass for body in made.stand_in.bodies.values())
+        sum(body.mass for body in made.simulated.bodies.values())
     )
     low, high = (
         np.array([getattr(limits, f"position_{end}") for limits in made.machine.limits.values()])
@@ -145,10 +145,10 @@ def test_a_machine_is_drawn_with_its_tip_where_it_is(made: Made) -> None:
 
 def test_a_machine_is_read_and_commanded_on_its_bus(made: Made) -> None:
     """By its own DBC file and mapping: every joint and every pressure that it measures."""
-    name, machine, stand_in = made
+    name, machine, simulated = made
     layout = load_layout(machine, machine_file("can.yaml", name), machine_file("can.dbc", name))
-    plant = Plant(stand_in, machine, stand_in.start)
-    bus = MachineOnBus(layout, plant, Sensors(stand_in.sensors, machine, 1), 0.0)
+    plant = Plant(simulated, machine, simulated.start)
+    bus = MachineOnBus(layout, plant, Sensors(simulated.sensors, machine, 1), 0.0)
     driver, joint = DriverCodec(layout), machine.joint_names[-1]
     positions: dict[str, float] = {}
     pressures: dict[str, float] = {}
@@ -164,13 +164,15 @@ def test_a_machine_is_read_and_commanded_on_its_bus(made: Made) -> None:
     assert positions.keys() == set(machine.joint_names)
     measured = {f"{one}.{ab}" for one in Where.ANY.joints(machine) for ab in "ab"}
     assert pressures.keys() == measured | {"supply", "tank"}
-    assert positions[joint] > stand_in.rest_pose[joint] + 0.02
+    assert positions[joint] > simulated.rest_pose[joint] + 0.02
 
 
 def test_the_velocity_filter_is_as_the_driver_has_it(made: Made) -> None:
     """From the one place that says so."""
     notes = load_joint_notes(machine_file("joints.yaml", made.name), made.machine.units)
-    assert made.stand_in.jerk_density == {joint: note.jerk_density for joint, note in notes.items()}
+    assert made.simulated.jerk_density == {
+        joint: note.jerk_density for joint, note in notes.items()
+    }
 
 
 def without_joint(content: dict[str, Any]) -> None:
@@ -202,22 +204,24 @@ def on_no_link(content: dict[str, Any]) -> None:
         ),
     ],
 )
-def test_a_stand_in_of_another_machine_is_refused_in_its_words(
+def test_a_simulated_crane_of_another_machine_is_refused_in_its_words(
     change: Any, message: str, tmp_path: Path
 ) -> None:
-    content = yaml.safe_load(machine_file("stand_in.yaml", "excavator").read_text())
+    content = yaml.safe_load(machine_file("simulated_crane.yaml", "excavator").read_text())
     change(content)
     path = tmp_path / "plant.yaml"
     path.write_text(yaml.safe_dump(content))
     with pytest.raises(ConfigurationError, match=message):
-        load_stand_in(path, load_machine("excavator"), machine_file("joints.yaml", "excavator"))
+        load_simulated_crane(
+            path, load_machine("excavator"), machine_file("joints.yaml", "excavator")
+        )
 
 
 def test_every_link_needs_a_body() -> None:
-    machine, stand_in = load_both("excavator", None)
-    bodies = {name: body for name, body in stand_in.bodies.items() if name != "stick"}
+    machine, simulated = load_both("excavator", None)
+    bodies = {name: body for name, body in simulated.bodies.items() if name != "stick"}
     with pytest.raises(ConfigurationError, match="key 'bodies': no body has the link stick"):
-        pack_chain(stand_in.model_copy(update={"bodies": bodies}), machine)
+        pack_chain(simulated.model_copy(update={"bodies": bodies}), machine)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +242,7 @@ def test_every_link_needs_a_body() -> None:
 def test_effects_are_refused_where_a_machine_has_no_place_for_them(
     effect: dict[str, Any], message: str
 ) -> None:
-    spec = Spec(effects=(HiddenEffect(strength=0.05, **effect),))
+    spec = Spec(effects=(InjectedEffect(strength=0.05, **effect),))
     with pytest.raises(ConfigurationError, match=message):
         check_joints(spec, load_machine("excavator"), "spec.yaml")
 
@@ -251,7 +255,7 @@ def test_its_hydraulics_are_printed_as_a_model_file_has_them(
     printed = json.loads(capsys.readouterr().out)
     measured = [j for j, one in made.machine.cylinders.items() if one.pressure_sensors]
     names = [f"{name}.{joint}" for joint in measured for name in JointHydraulics.units]
-    theta = {one.name: one.value for one in planted(made.stand_in, made.machine)}
+    theta = {one.name: one.value for one in true_parameters(made.simulated, made.machine)}
     assert printed.items() >= theta.items()
     assert sorted(printed.keys() - theta.keys()) == sorted(names)
     for joint in measured:

@@ -1,4 +1,4 @@
-"""The stand-in's rigid bodies and the planted parameters against MuJoCo, which derives its own."""
+"""The simulated rigid bodies and the true parameters against MuJoCo, which derives its own."""
 
 from typing import NamedTuple
 
@@ -11,9 +11,9 @@ from crane_model.kinematics import link_transforms
 from crane_model.machine import Machine, load_machine
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.mujoco_model import machine_spec
-from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.parts.rigid_bodies import inverse_dynamics, mass_and_bias
-from crane_sim.planted import planted
+from crane_sim.true_values import true_parameters
 
 STATES = 1000
 JOINTS = load_machine().joint_names
@@ -29,8 +29,8 @@ class States(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def model(stand_in: StandIn, machine: Machine) -> mujoco.MjModel:
-    return machine_spec(stand_in, machine).compile()
+def model(simulated: SimulatedCrane, machine: Machine) -> mujoco.MjModel:
+    return machine_spec(simulated, machine).compile()
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +74,9 @@ def test_boom_tip(model: mujoco.MjModel, machine: Machine, states: States) -> No
 
 
 def test_mass_matrix_and_bias(
-    model: mujoco.MjModel, stand_in: StandIn, machine: Machine, states: States
+    model: mujoco.MjModel, simulated: SimulatedCrane, machine: Machine, states: States
 ) -> None:
-    chain, data = pack_chain(stand_in, machine), mujoco.MjData(model)
+    chain, data = pack_chain(simulated, machine), mujoco.MjData(model)
     ours_mass, theirs_mass = np.empty((STATES, 4, 4)), np.empty((STATES, 4, 4))
     ours_bias, theirs_bias = np.empty((STATES, 4)), np.empty((STATES, 4))
     for k, (q, v, _) in enumerate(zip(*states, strict=True)):
@@ -90,17 +90,17 @@ def test_mass_matrix_and_bias(
 
 
 def test_inverse_dynamics_with_slew(
-    model: mujoco.MjModel, stand_in: StandIn, machine: Machine, states: States
+    model: mujoco.MjModel, simulated: SimulatedCrane, machine: Machine, states: States
 ) -> None:
-    chain = pack_chain(stand_in, machine)
+    chain = pack_chain(simulated, machine)
     ours = np.array([inverse_dynamics(chain, *state) for state in zip(*states, strict=True)])
     assert_close(ours, inverse_by_mujoco(model, states), 1e-8)
 
 
 def test_planted_parameters_reproduce_mujoco_with_the_slew_held(
-    model: mujoco.MjModel, stand_in: StandIn, machine: Machine, states: States
+    model: mujoco.MjModel, simulated: SimulatedCrane, machine: Machine, states: States
 ) -> None:
-    inertial = [entry.value for entry in planted(stand_in, machine)][:8]
+    inertial = [entry.value for entry in true_parameters(simulated, machine)][:8]
     held = States(states.q, *(np.where(np.arange(4) == 0, 0.0, part) for part in states[1:]))
     regressor = np.empty((STATES, 3, 8))
     planar = (part[:, PLANAR] for part in held)

@@ -9,8 +9,8 @@ import pytest
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.bus.machine_on_bus import Operator
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.machine_on_bus import Operator
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 from crane_sim.plant.plant import Plant
 
 JOINTS = load_machine().joint_names
@@ -46,12 +46,12 @@ def test_lines_are_obeyed_and_wrong_ones_named() -> None:
 @pytest.mark.parametrize("joint", JOINTS)
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_null_bias_shifts_the_dead_zone_of_the_joint(
-    joint: str, sign: float, machine: Machine, stand_in: StandIn
+    joint: str, sign: float, machine: Machine, simulated: SimulatedCrane
 ) -> None:
     """Whatever the sense of the cylinder."""
-    valve = stand_in.valves[joint].model_copy(update={"null_bias": 0.02})
-    valves = {**stand_in.valves, joint: valve}
-    parameters = stand_in.model_copy(update={"valves": valves})
+    valve = simulated.valves[joint].model_copy(update={"null_bias": 0.02})
+    valves = {**simulated.valves, joint: valve}
+    parameters = simulated.model_copy(update={"valves": valves})
     edge = sign * valve.dead_zone + 0.02
     index, moved = JOINTS.index(joint), []
     for command in (edge - sign * 0.005, edge + sign * 0.03):
@@ -64,9 +64,10 @@ def test_a_null_bias_shifts_the_dead_zone_of_the_joint(
 
 def test_a_null_bias_that_opens_a_centred_valve_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "plant.yaml"
-    base = load_stand_in().valves["slew"].dead_zone
+    base = load_simulated_crane().valves["slew"].dead_zone
     path.write_text(
-        f"base: {machine_file('stand_in.yaml')}\nvalves: {{slew: {{null_bias: {base + 0.01}}}}}\n"
+        f"base: {machine_file('simulated_crane.yaml')}\n"
+        f"valves: {{slew: {{null_bias: {base + 0.01}}}}}\n"
     )
     with pytest.raises(ConfigurationError, match="the valve of a centred spool would be open"):
-        load_stand_in(path)
+        load_simulated_crane(path)

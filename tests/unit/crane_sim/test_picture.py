@@ -9,10 +9,9 @@ from PIL import Image
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine, load_machine
 from crane_sim.drawing import picture, view
-from crane_sim.drawing.offscreen import FINENESS, draw, gl_context, take_picture
-from crane_sim.drawing.opengl import LIBRARIES, find_backend
-from crane_sim.drawing.scene import Scene
-from crane_sim.parts.parameters import StandIn
+from crane_sim.drawing.picture import LIBRARIES, find_backend
+from crane_sim.drawing.scene import FINENESS, Scene, draw, gl_context, take_picture
+from crane_sim.parts.parameters import SimulatedCrane
 from crane_trajectory.motion.periodic import FourierTrajectory
 
 JOINTS = load_machine().joint_names
@@ -30,8 +29,8 @@ def opengl() -> None:
 
 
 @pytest.fixture(scope="module")
-def scene(opengl: None, stand_in: StandIn, machine: Machine) -> Scene:
-    return Scene(stand_in, machine, *(FINENESS * side for side in SIZE))
+def scene(opengl: None, simulated: SimulatedCrane, machine: Machine) -> Scene:
+    return Scene(simulated, machine, *(FINENESS * side for side in SIZE))
 
 
 def painted(image: Image.Image) -> np.ndarray:

@@ -6,25 +6,25 @@ import pytest
 from crane_model.errors import RangeError
 from crane_model.machine import Machine
 from crane_sim.parts.constants import pack
-from crane_sim.parts.parameters import StandIn, column
+from crane_sim.parts.parameters import SimulatedCrane, column
 from crane_sim.parts.rigid_bodies import mass_and_bias
 from crane_sim.plant.plant import Plant
 
 
 @pytest.fixture
-def plant(machine: Machine, stand_in: StandIn) -> Plant:
+def plant(machine: Machine, simulated: SimulatedCrane) -> Plant:
     """At rest."""
-    return Plant(stand_in, machine, stand_in.start)
+    return Plant(simulated, machine, simulated.start)
 
 
-def test_a_crane_at_rest_stays_at_rest(plant: Plant, stand_in: StandIn) -> None:
+def test_a_crane_at_rest_stays_at_rest(plant: Plant, simulated: SimulatedCrane) -> None:
     """Closed valves: exactly still until leakage past the pistons has changed the load so far that
     it exceeds breakaway; then the joints creep, by less than 2 mm or mrad in ten seconds.
     """
     plant.advance(np.zeros(4), 2.0)
-    assert (plant.q == stand_in.start).all()
+    assert (plant.q == simulated.start).all()
     plant.advance(np.zeros(4), 8.0)
-    assert np.abs(plant.q - stand_in.start).max() < 2e-3
+    assert np.abs(plant.q - simulated.start).max() < 2e-3
 
 
 @pytest.mark.parametrize("joint", range(4))
@@ -42,18 +42,18 @@ def test_positive_command_moves_the_joint_in_its_positive_direction(
     assert np.abs(np.delete(moved, joint)).max() < 0.02
 
 
-def test_commands_inside_the_dead_zone_do_nothing(plant: Plant, stand_in: StandIn) -> None:
+def test_commands_inside_the_dead_zone_do_nothing(plant: Plant, simulated: SimulatedCrane) -> None:
     """0.8 of every dead zone for two seconds."""
-    plant.advance(0.8 * column(stand_in.valves, "dead_zone"), 2.0)
-    assert (plant.q == stand_in.start).all()
+    plant.advance(0.8 * column(simulated.valves, "dead_zone"), 2.0)
+    assert (plant.q == simulated.start).all()
 
 
 def test_end_stop_holds_against_a_full_command(
-    plant: Plant, machine: Machine, stand_in: StandIn
+    plant: Plant, machine: Machine, simulated: SimulatedCrane
 ) -> None:
     """The telescope runs out and stays, pressed into the stop by what the supply can push."""
     command = np.array([0.0, 0.0, 0.0, 1.0])
-    cylinder, stop = machine.cylinders["telescope"], stand_in.cylinders["telescope"]
+    cylinder, stop = machine.cylinders["telescope"], simulated.cylinders["telescope"]
     pressed = machine.hydraulics.supply_pressure * cylinder.area_a / stop.stop_stiffness
     plant.advance(command, 8.0)
     for _ in range(2):
@@ -70,19 +70,19 @@ def test_all_cylinders_at_once_ask_more_than_the_pump_gives(plant: Plant, machin
     assert plant.supply_pressure > 0.95 * machine.hydraulics.supply_pressure
 
 
-def test_halving_the_step_changes_little(machine: Machine, stand_in: StandIn) -> None:
+def test_halving_the_step_changes_little(machine: Machine, simulated: SimulatedCrane) -> None:
     """The step is short enough: positions after a second of motion agree to a tenth of a mm."""
     ends = []
-    for step in (stand_in.step, stand_in.step / 4):
-        plant = Plant(stand_in.model_copy(update={"step": step}), machine, stand_in.start)
+    for step in (simulated.step, simulated.step / 4):
+        plant = Plant(simulated.model_copy(update={"step": step}), machine, simulated.start)
         plant.advance(np.array([0.0, 0.3, 0.3, 0.3]), 1.0)
         ends.append(plant.q)
     np.testing.assert_allclose(ends[0], ends[1], atol=2e-4)
 
 
-def test_bodies_alone_conserve_energy(machine: Machine, stand_in: StandIn) -> None:
+def test_bodies_alone_conserve_energy(machine: Machine, simulated: SimulatedCrane) -> None:
     """dE/dt = 0 without forces: v . (M a + bias) with E from M and the potential energy's slope."""
-    chain = pack(stand_in, machine).chain
+    chain = pack(simulated, machine).chain
     rng = np.random.default_rng(5)
 
     def terms(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -104,13 +104,13 @@ def test_bodies_alone_conserve_energy(machine: Machine, stand_in: StandIn) -> No
 
 
 def test_bad_commands_and_poses_are_refused_by_name(
-    plant: Plant, machine: Machine, stand_in: StandIn
+    plant: Plant, machine: Machine, simulated: SimulatedCrane
 ) -> None:
     """Nothing moves."""
     with pytest.raises(RangeError, match="valve command"):
         plant.advance(np.array([0.0, np.nan, 0.0, 0.0]), 0.01)
     assert plant.time == 0.0
-    outside = stand_in.start.copy()
+    outside = simulated.start.copy()
     outside[machine.index("inner_boom")] = 2.0
     with pytest.raises(RangeError, match=r"inner_boom.*2 rad.*1\.37"):
-        Plant(stand_in, machine, outside)
+        Plant(simulated, machine, outside)

@@ -9,22 +9,19 @@ import pytest
 from known_crane import known_model
 
 from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec
-from crane_driver.can.decoder import Readings
-from crane_driver.can.frame import Frame
+from crane_driver.can.codec import DriverCodec, Readings
+from crane_driver.can.frame import START_NS, STEP, TIME, Frame, step_frame, time_frame, told_time
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
-from crane_driver.can.simulated_time import START_NS, STEP, TIME, step_frame, time_frame, told_time
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.bus.machine_on_bus import LONGEST_STEP, TIMEOUT, MachineOnBus, ValveUnit
-from crane_sim.bus.pace import BACKLOG, LockStep, PlantPace
-from crane_sim.bus.simulated_crane import main
-from crane_sim.parts.parameters import load_stand_in
-from crane_sim.plant.closed_loop import TwinPlant
+from crane_sim.machine_on_bus import COMMAND_TIMEOUT_S, MAX_STEP_S, MachineOnBus, ValveUnit
+from crane_sim.parts.parameters import load_simulated_crane
+from crane_sim.plant.closed_loop import IdentifiedPlant
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import MachineInMotion, Sensors
 from crane_sim.sensor_faults import Faults
+from crane_sim.simulated_crane import MAX_BACKLOG_CYCLES, LockStep, PlantPace, main
 
 JOINTS = load_machine().joint_names
 
@@ -37,10 +34,10 @@ class Bench:
     """A machine on its bus, and the driver's end of it."""
 
     def __init__(self, layout: Layout, twin: bool = False):
-        machine, parameters = load_machine(), load_stand_in()
+        machine, parameters = load_machine(), load_simulated_crane()
         plant: MachineInMotion = Plant(parameters, machine, parameters.start)
         if twin:
-            plant = TwinPlant(known_model(), machine, np.array(parameters.start))
+            plant = IdentifiedPlant(known_model(), machine, np.array(parameters.start))
         self.faults = Faults(machine)
         sensors = Sensors(parameters.sensors, machine, 1, timed=self.faults)
         self.machine = MachineOnBus(layout, plant, sensors, START)
@@ -133,7 +130,7 @@ def test_valves_go_neutral_when_commands_stop(bench: Bench) -> None:
     assert set(states([bench.command(telescope=1.0) for _ in range(20)])) == {"Enabled"}
     silent = [bench.cycle([]) for _ in range(40)]
     shown = states(silent)
-    assert 18 * CYCLE <= 2 * CYCLE * shown.count("Enabled") <= TIMEOUT + 2 * CYCLE
+    assert 18 * CYCLE <= 2 * CYCLE * shown.count("Enabled") <= COMMAND_TIMEOUT_S + 2 * CYCLE
     assert shown[-1] == "CommandTimeout"
 
     assert np.abs(bench.plant.spool).max() < 0.01
@@ -185,7 +182,7 @@ def test_a_command_that_is_repeated_does_not_keep_the_valves_open(bench: Bench) 
 def test_a_frame_that_came_late_does_not_hide_a_timeout(layout: Layout) -> None:
     bench = Bench(layout)
     unit: ValveUnit = bench.machine.valves
-    for after in (0.0, TIMEOUT + 0.01):
+    for after in (0.0, COMMAND_TIMEOUT_S + 0.01):
         (frame,) = bench.driver.command_frames({"slew": 1.0}, True)
         unit.receive(frame._replace(steady=START + after))
     assert unit.state == "CommandTimeout"
@@ -193,8 +190,8 @@ def test_a_frame_that_came_late_does_not_hide_a_timeout(layout: Layout) -> None:
 
 def test_a_machine_that_was_kept_from_running_loses_time(bench: Bench) -> None:
     bench.machine.run(START + 1.0)
-    assert bench.machine.lost == pytest.approx(1.0 - LONGEST_STEP)
-    assert bench.plant.time == pytest.approx(LONGEST_STEP)
+    assert bench.machine.lost == pytest.approx(1.0 - MAX_STEP_S)
+    assert bench.plant.time == pytest.approx(MAX_STEP_S)
 
 
 def test_pace_makes_up_for_short_delays_and_reports_long_ones() -> None:
@@ -209,7 +206,7 @@ def test_pace_makes_up_for_short_delays_and_reports_long_ones() -> None:
     assert report and "not in real time" in report
     assert pace.left_out == pytest.approx((late - START) / CYCLE - 3, abs=1)
     assert 0.0 <= pace.pause(late) <= CYCLE + NO_TIME
-    assert pace.longest > BACKLOG * CYCLE
+    assert pace.longest > MAX_BACKLOG_CYCLES * CYCLE
     assert pace.next(late + CYCLE) is None  # said once
 
 
@@ -231,7 +228,7 @@ class LateDriver:
 
 def test_a_driver_that_answers_late_is_waited_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Else a new driver, which never answers within a cycle of real time, would never be heard."""
-    monkeypatch.setattr("crane_sim.bus.pace.PATIENCE_S", 0.0)
+    monkeypatch.setattr("crane_sim.simulated_crane.PATIENCE_S", 0.0)
     link, stop = LateDriver(), threading.Event()
     crane = LockStep(link, threading.Event(), CYCLE)  # type: ignore[arg-type]
     link.frames = [step_frame(crane.time)]

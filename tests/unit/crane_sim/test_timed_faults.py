@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
-from crane_sim.bus.machine_on_bus import Operator
-from crane_sim.parts.parameters import StandIn
+from crane_sim.machine_on_bus import Operator
+from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.plant.closed_loop import SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_sim.sensor_faults import KINDS, Faults, parse, parts_of
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory
@@ -134,33 +134,33 @@ def test_a_person_pulls_a_plug(machine: Machine, capsys: pytest.CaptureFixture[s
     assert faults.positions(0.0, np.zeros(4))[COLUMN] == 0.5
     operator.obey("mended=all")
     assert faults.positions(0.0, np.zeros(4))[COLUMN] == 0.0
-    with pytest.raises(ConfigurationError, match="twin of a model"):
+    with pytest.raises(ConfigurationError, match="identified from a model"):
         operator.obey(f"fault={JOINT}.valve.leaking")
     with pytest.raises(RangeError, match="fault=TARGET"):
         operator.obey("broken=all")
 
 
 @pytest.fixture(scope="module")
-def motion(machine: Machine, stand_in: StandIn, trajectory: PeriodicTrajectory) -> Motion:
+def motion(machine: Machine, simulated: SimulatedCrane, trajectory: PeriodicTrajectory) -> Motion:
     clearance = load_clearance(machine_file("clearance.yaml"))
-    return plan(machine, trajectory, stand_in.start, 1, clearance)
+    return plan(machine, trajectory, simulated.start, 1, clearance)
 
 
 def recorded(
-    machine: Machine, stand_in: StandIn, motion: Motion, *faults: str
+    machine: Machine, simulated: SimulatedCrane, motion: Motion, *faults: str
 ) -> SimulatedRecording:
-    plant = Plant(stand_in, machine, motion.start, (), 100.0)
+    plant = Plant(simulated, machine, motion.start, (), 100.0)
     timed = Faults(machine, faults, zero=100.0)
-    sensors = Sensors(stand_in.sensors, machine, 1, (), timed)
+    sensors = Sensors(simulated.sensors, machine, 1, (), timed)
     return record(motion, plant, sensors, load_gains(machine_file("controller.yaml"), machine))
 
 
 def test_a_recording_is_as_ever_until_a_fault_begins(
-    machine: Machine, stand_in: StandIn, motion: Motion
+    machine: Machine, simulated: SimulatedCrane, motion: Motion
 ) -> None:
-    well = recorded(machine, stand_in, motion)
+    well = recorded(machine, simulated, motion)
     ill = recorded(
-        machine, stand_in, motion, f"{JOINT}.encoder.stuck@15", "supply.pressure.stuck@12",
+        machine, simulated, motion, f"{JOINT}.encoder.stuck@15", "supply.pressure.stuck@12",
         "telescope.valve.leaking@10",
     )  # fmt: skip
     time = well.time - 100.0

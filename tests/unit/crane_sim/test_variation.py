@@ -8,36 +8,36 @@ import pytest
 from crane_model.machine import Machine
 from crane_sim.parts.parameters import (
     Edges,
-    StandIn,
+    SimulatedCrane,
     column,
-    load_stand_in,
-    save_stand_in,
+    load_simulated_crane,
+    save_simulated_crane,
     vary,
     vary_valves,
 )
 
 
-def test_other_machines(stand_in: StandIn, machine: Machine, tmp_path: Path) -> None:
+def test_other_machines(simulated: SimulatedCrane, machine: Machine, tmp_path: Path) -> None:
     """Each seed its machine, within the spread; written and read as a file."""
-    one, again, other = (vary(stand_in, seed, 0.1) for seed in (1, 1, 2))
+    one, again, other = (vary(simulated, seed, 0.1) for seed in (1, 1, 2))
     assert one == again != other
-    ratio = other.bodies["gripper"].mass / stand_in.bodies["gripper"].mass
+    ratio = other.bodies["gripper"].mass / simulated.bodies["gripper"].mass
     assert 0.9 <= ratio <= 1.1 and ratio != 1.0
-    ratios = column(other.friction, "f_c") / column(stand_in.friction, "f_c")
+    ratios = column(other.friction, "f_c") / column(simulated.friction, "f_c")
     assert ((ratios >= 0.9) & (ratios <= 1.1)).all()
     assert len(np.unique(ratios)) == 4
-    save_stand_in(tmp_path / "machine.yaml", other)
-    assert load_stand_in(tmp_path / "machine.yaml") == other
+    save_simulated_crane(tmp_path / "machine.yaml", other)
+    assert load_simulated_crane(tmp_path / "machine.yaml") == other
 
 
-def test_valves_for_differential_cylinders(stand_in: StandIn, machine: Machine) -> None:
+def test_valves_for_differential_cylinders(simulated: SimulatedCrane, machine: Machine) -> None:
     """Edges by the areas of the cylinder and as fast as before; no dead zone beyond its own."""
-    one, again, other = (vary_valves(stand_in, machine, seed, 0.1) for seed in (1, 1, 2))
+    one, again, other = (vary_valves(simulated, machine, seed, 0.1) for seed in (1, 1, 2))
     assert one == again != other
-    exact = vary_valves(stand_in, machine, 1, 0.0)
+    exact = vary_valves(simulated, machine, 1, 0.0)
     for joint in machine.joint_names:
         given, valve, cylinder = (
-            stand_in.valves[joint],
+            simulated.valves[joint],
             other.valves[joint],
             machine.cylinders[joint],
         )

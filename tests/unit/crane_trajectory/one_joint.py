@@ -11,14 +11,14 @@ from crane_model.model_file import Model
 from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.single_axis import Gravity, Inertia
 from crane_model.terms.term import Setting
-from crane_trajectory.control.interface import (
+from crane_trajectory.control.controller import (
     ControlCondition,
     Controller,
     Point,
     SensorReading,
     Wanted,
 )
-from crane_trajectory.control.load import ReferenceLoad
+from crane_trajectory.control.flow_feedforward import ReferenceLoad
 from crane_trajectory.control.valves_and_oil import (
     ValvesAndOil,
     edges,
@@ -85,7 +85,7 @@ class Course(NamedTuple):
     def had(self, begin: float, end: float) -> set[ControlCondition]:
         """Conditions between two times."""
         pairs = zip(self.time, self.condition, strict=True)
-        return {one for time, one in pairs if begin <= time < end}
+        return {condition for time, condition in pairs if begin <= time < end}
 
 
 @dataclass

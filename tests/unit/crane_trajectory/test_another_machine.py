@@ -12,17 +12,16 @@ from crane_model.kinematics import tip_jacobian
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_trajectory.control.pd_dead_zone import Tuning, command, load_gains
+from crane_trajectory.control.controller import Tuning, command, load_gains
 from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
 from crane_trajectory.excitation.limits import load_design_settings
-from crane_trajectory.excitation.picture import draw
 from crane_trajectory.excitation.search import ExcitationProblem
 from crane_trajectory.excitation.sweeps import design_sweeps
 from crane_trajectory.experiment import Experiment, Outcome
-from crane_trajectory.motion.check import TipRoom, load_clearance, trajectory_violations
+from crane_trajectory.motion.check import TipRoom, draw, load_clearance, trajectory_violations
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.trajectory_parameters import TuningNumbers
+from crane_trajectory.trajectory_topics import TuningNumbers
 
 LOADER = Path(__file__).parents[2] / "machines" / "loader"
 MACHINE = load_machine(LOADER)
@@ -68,11 +67,11 @@ def test_limits_are_told_with_joint_and_unit() -> None:
 
 
 def test_a_trajectory_of_a_crane_is_refused() -> None:
-    other = load_trajectory(machine_file("excitation_20s.yaml"))
+    shipped = load_trajectory(machine_file("excitation_20s.yaml"))
     told = r"no joint inner_boom, outer_boom, telescope; test loader has the joints carriage, arm"
     for refused in (
-        lambda: plan(MACHINE, other, START, 1, CLEARANCE),
-        lambda: trajectory_violations(MACHINE, other, CLEARANCE),
+        lambda: plan(MACHINE, shipped, START, 1, CLEARANCE),
+        lambda: trajectory_violations(MACHINE, shipped, CLEARANCE),
     ):
         with pytest.raises(RangeError, match=told):
             refused()
@@ -80,10 +79,10 @@ def test_a_trajectory_of_a_crane_is_refused() -> None:
 
 @pytest.mark.parametrize("machine", [LOADER, "excavator", "single_axis", "laboratory_crane"])
 def test_the_slopes_of_the_room_are_its_derivatives(machine: Path | str) -> None:
-    one = load_machine(machine)
-    room, joints = TipRoom(one), tuple(reversed(one.joint_names))
+    loaded = load_machine(machine)
+    room, joints = TipRoom(loaded), tuple(reversed(loaded.joint_names))
     rng = np.random.default_rng(3)
-    limits = [one.limits[joint] for joint in joints]
+    limits = [loaded.limits[joint] for joint in joints]
     q = rng.uniform(
         [limit.position_min for limit in limits],
         [limit.position_max for limit in limits],
@@ -166,10 +165,10 @@ def test_a_machine_without_hydraulics_has_no_flow_to_keep(tmp_path: Path) -> Non
 
 def test_the_parameters_of_the_tuning_are_those_of_the_joints() -> None:
     numbers = TuningNumbers.of(MACHINE, str(LOADER))
-    assert {one.name: one.unit for one in numbers.tolerances.values()} == {
+    assert {number.name: number.unit for number in numbers.tolerances.values()} == {
         "tracking_tolerance.carriage": "m",
         "tracking_tolerance.arm": "rad",
     }
-    tuning = numbers.tuning({one.name: one.default for one in numbers.all})
+    tuning = numbers.tuning({number.name: number.default for number in numbers.all})
     assert tuning.tolerance.tolist() == [0.1, 0.2]
     assert tuning.gains.kp.tolist() == [8.0, 4.0]

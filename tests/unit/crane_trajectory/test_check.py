@@ -14,11 +14,11 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import (
     Clearance,
+    TipRoom,
     load_clearance,
     maxima,
     pump_flow,
     refuse,
-    tip_room,
     trajectory_violations,
 )
 from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries
@@ -196,7 +196,7 @@ def test_tip_room_in_a_stretched_pose():
         dh.inner_boom_length * math.cos(phi) + dh.telescope_length + 0.3,
         dh.base_height + dh.inner_boom_length * math.sin(phi) + dh.telescope_offset,
     ]
-    np.testing.assert_allclose(tip_room(MACHINE, PLANAR_JOINTS, q)[0], expected, atol=1e-12)
+    np.testing.assert_allclose(TipRoom(MACHINE).at(PLANAR_JOINTS, q)[0], expected, atol=1e-12)
 
 
 def test_room_is_not_checked_without_all_planar_joints():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_trajectory.control.pd_dead_zone import (
+from crane_trajectory.control.controller import (
     GainFields,
     JointGains,
     command,
@@ -159,8 +159,8 @@ def test_every_gain_is_found_by_its_name(tmp_path):
 
 def test_the_law_reads_gains_by_name():
     """With one gain changed at a time, the command of (36) changes by that gain's own part."""
-    one = ROWS[1]
-    moving = 2.0 * one.standstill_speed
+    row = ROWS[1]
+    moving = 2.0 * row.standstill_speed
     parts = {
         "kp": ((0.01, moving, 0.0, moving), -0.01),
         "kd": ((0.0, moving, 0.0, moving - 0.01), -0.01),
@@ -168,8 +168,8 @@ def test_the_law_reads_gains_by_name():
         "dead_zone_negative": ((0.0, -moving, 0.0, -moving), -1.0),
     }
     for name, (inputs, slope) in parts.items():
-        more = one._replace(**{name: getattr(one, name) + 0.01})
-        change = joint_command(more, *inputs) - joint_command(one, *inputs)
+        more = row._replace(**{name: getattr(row, name) + 0.01})
+        change = joint_command(more, *inputs) - joint_command(row, *inputs)
         assert change == pytest.approx(0.01 * slope, rel=1e-9)
 
 

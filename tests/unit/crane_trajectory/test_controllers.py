@@ -17,7 +17,7 @@ from unit.crane_trajectory.one_joint import (
 )
 
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics.values import (
+from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
     JointHydraulics,
@@ -32,24 +32,28 @@ from crane_trajectory.control.choice import (
     MAY_LEARN,
     NAMES,
     PD_DEAD_ZONE,
+    Learning,
     controller,
+    in_words,
     learning,
+    learnt_hydraulics,
     led_by_model,
 )
-from crane_trajectory.control.flow_feedforward import FlowFeedforward
-from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
-from crane_trajectory.control.learning import Learning, in_words, learnt_hydraulics
-from crane_trajectory.control.load import ReferenceLoad
-from crane_trajectory.control.pd_dead_zone import (
+from crane_trajectory.control.controller import (
+    ControlCondition,
     GainFields,
     PdDeadZone,
+    Point,
+    SensorReading,
     Tuning,
+    Wanted,
     command,
     load_gains,
 )
+from crane_trajectory.control.flow_feedforward import FlowFeedforward, ReferenceLoad
 from crane_trajectory.control.valves_and_oil import length_and_lever, tables
 
-GAINS = GainFields(*(np.array([each]) for each in (6.0, 0.1, 0.06, 0.05, 0.02, 0.003)))
+GAINS = GainFields(*(np.array([gain]) for gain in (6.0, 0.1, 0.06, 0.05, 0.02, 0.003)))
 ZERO = np.zeros(1)
 
 
@@ -91,9 +95,9 @@ def test_learning_does_not_diverge_in_20_periods() -> None:
     made = Learning(led, led, PERIOD)
     made.start(ZERO)
     course = Boom(made).run(20 * PERIOD + 0.2)
-    each = [course.rms(k * PERIOD, (k + 1) * PERIOD) for k in range(20)]
-    assert max(each[1:]) <= each[0]
-    assert max(each[10:]) < 0.4 * each[0]
+    errors = [course.rms(k * PERIOD, (k + 1) * PERIOD) for k in range(20)]
+    assert max(errors[1:]) <= errors[0]
+    assert max(errors[10:]) < 0.4 * errors[0]
 
 
 class Echo:
@@ -122,8 +126,8 @@ def test_learning_goes_back_where_the_loop_makes_it_worse() -> None:
     course = []
     for _ in range(20):
         errors = []
-        for phase, one in zip(phases, disturbed, strict=True):
-            errors.append(one + 0.1 * echo.told)
+        for phase, error in zip(phases, disturbed, strict=True):
+            errors.append(error + 0.1 * echo.told)
             made.command(DT, reading(-errors[-1], 0.0), Wanted(still, still, float(phase)))
         course.append(np.sqrt(np.mean(np.square(errors))))
     assert max(course[1:4]) > 1.1 * course[0]  # it was tried
@@ -132,7 +136,7 @@ def test_learning_goes_back_where_the_loop_makes_it_worse() -> None:
 
 def test_the_load_is_what_the_model_predicts() -> None:
     load, point = ReferenceLoad(model(), MACHINE), swing(0.9)
-    record = Record((JOINT,), np.zeros(1), *(each[None] for each in point))
+    record = Record((JOINT,), np.zeros(1), *(values[None] for values in point))
     assert load(*point) == pytest.approx(model().predict(record)[0], rel=1e-9)
 
 
@@ -151,7 +155,7 @@ def test_tables_hold_the_linkages(machine) -> None:
     for joint, table in zip(machine.joint_names, tables(machine), strict=True):
         limits = machine.limits[joint]
         q = np.linspace(limits.position_min, limits.position_max, 700)
-        read = np.array([length_and_lever(table, one) for one in q])
+        read = np.array([length_and_lever(table, position) for position in q])
         np.testing.assert_allclose(read, machine.cylinder(joint, q)[:, :2], atol=1e-8)
 
 
@@ -179,12 +183,14 @@ def known(of: Model, *joints: str, chambers: bool = True) -> Model:
     def measured(kind: type, values: dict[str, float]) -> dict[str, Measured]:
         return {k: Measured(value=v, unit=kind.units[k]) for k, v in values.items()}
 
-    one = JointHydraulics(
+    hydraulics_of_joint = JointHydraulics(
         valve=ValveValues(**measured(ValveValues, VALUES)),
         chambers=ChamberValues(**measured(ChamberValues, CHAMBERS)) if chambers else None,
         unexplained=0.0,
     )
-    values = HydraulicValues(provenance="by hand", joints=dict.fromkeys(joints, one))
+    values = HydraulicValues(
+        provenance="by hand", joints=dict.fromkeys(joints, hydraulics_of_joint)
+    )
     return replace(of, hydraulics=values)
 
 

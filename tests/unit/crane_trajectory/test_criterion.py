@@ -115,12 +115,12 @@ def test_d_optimality_weighs_rows_by_their_noise():
 def test_a_trajectory_of_a_campaign_counts_with_all_data_and_by_itself(kind):
     criterion = Criterion.of(MODEL, kind, ColumnSet.BASE, *JUDGED)
     later = criterion.after(PHI[:50])
-    own, both = criterion.gram(PHI[50:]), criterion.gram(PHI)
-    alone, together = criterion.exact(own), criterion.exact(both)
-    assert later.exact(own) == pytest.approx(alone + 2 * together)
+    gram, both = criterion.gram(PHI[50:]), criterion.gram(PHI)
+    alone, together = criterion.exact(gram), criterion.exact(both)
+    assert later.exact(gram) == pytest.approx(alone + 2 * together)
     np.testing.assert_allclose(
-        later.evaluate(own).slope,
-        criterion.evaluate(own).slope + 2 * criterion.evaluate(both).slope,
+        later.evaluate(gram).slope,
+        criterion.evaluate(gram).slope + 2 * criterion.evaluate(both).slope,
         rtol=1e-6,
     )
 

@@ -12,9 +12,9 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 from crane_model.terms import JointTerm, Parameter, Setting, Term
+from crane_model.terms.drives import RotorInertia
 from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
-from crane_model.terms.rigid_body import RotorInertia
-from crane_model.terms.serial_rigid_body import SerialRigidBody
+from crane_model.terms.rigid_body import SerialRigidBody
 from crane_model.terms.single_axis import Offset
 from crane_trajectory.excitation.limits import pull_back, smooth_record, smooth_regressor
 from crane_trajectory.motion.periodic import MotionSamples
@@ -154,8 +154,8 @@ def test_the_order_of_joints_turns_the_derivative():
     expected = pull_back(MODEL, record, weight, WIDTH)
     back = MotionSamples(*(part[:, ::-1] for part in motion))
     got = pull_back(turned, smooth_record(turned, back, WIDTH[::-1]), weight[:, ::-1], WIDTH[::-1])
-    for one, other in zip(got, expected, strict=True):
-        np.testing.assert_allclose(one[:, ::-1], other, rtol=1e-12, atol=1e-12)
+    for found, wanted in zip(got, expected, strict=True):
+        np.testing.assert_allclose(found[:, ::-1], wanted, rtol=1e-12, atol=1e-12)
 
 
 def test_smoothing_is_narrow():

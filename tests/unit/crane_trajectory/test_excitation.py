@@ -20,7 +20,7 @@ from crane_trajectory.excitation.search import (
     search,
     steps,
 )
-from crane_trajectory.motion.check import Clearance, load_clearance, pump_flow, tip_room
+from crane_trajectory.motion.check import Clearance, TipRoom, load_clearance, pump_flow
 from crane_trajectory.motion.periodic import FourierTrajectory, load_trajectory
 
 PLANAR_JOINTS = load_machine().joint_names[1:]
@@ -84,18 +84,18 @@ def test_a_start_outside_the_limits_is_mended(seed):
     given = problem(acceleration=ACCELERATION)
     limits, point = given.start_limits, wild_point(seed)
     assert (limits.matrix @ point > limits.bound).any()
-    mended = limits.mend(point)
+    mended = limits.repaired(point)
     assert (limits.matrix @ mended <= limits.bound + 1e-12).all()
     assert (limits.reserves(mended) >= 0.0).all()
 
 
 def test_a_start_within_the_limits_is_left_alone():
     point = PROBLEM.random_point(np.random.default_rng(2))
-    np.testing.assert_allclose(PROBLEM.start_limits.mend(point), point, atol=1e-12)
+    np.testing.assert_allclose(PROBLEM.start_limits.repaired(point), point, atol=1e-12)
 
 
 def found_from(given, seed):
-    return given.polish(given.start_limits.mend(wild_point(seed)), "found")
+    return given.polish(given.start_limits.repaired(wild_point(seed)), "found")
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -114,7 +114,7 @@ def test_found_trajectory_keeps_every_limit_on_a_much_finer_grid(seed):
         assert np.abs(motion.acceleration[:, i]).max() <= ACCELERATION[joint]
     flow = pump_flow(machine, PLANAR_JOINTS, motion.position, motion.velocity)
     assert flow.max() <= machine.hydraulics.pump_flow
-    distance, height = tip_room(machine, PLANAR_JOINTS, motion.position).T
+    distance, height = TipRoom(machine).at(PLANAR_JOINTS, motion.position).T
     assert distance.min() >= CLEARANCE.pillar_clearance
     assert height.min() >= CLEARANCE.lowest_tip
 
@@ -143,13 +143,13 @@ def test_the_weak_pump_limits_all_cylinders_together():
 
 def test_search_improves_and_repeats_by_seed():
     ticks = []
-    with ThreadPoolExecutor(2) as two, ThreadPoolExecutor(1) as one:
-        first = search(PROBLEM, 5, 3, "found", two, lambda: ticks.append(1))
-        again = search(PROBLEM, 5, 3, "found", one)
-        other = search(PROBLEM, 6, 3, "found", one)
+    with ThreadPoolExecutor(2) as threads, ThreadPoolExecutor(1) as thread:
+        first = search(PROBLEM, 5, 3, "found", threads, lambda: ticks.append(1))
+        again = search(PROBLEM, 5, 3, "found", thread)
+        reseeded = search(PROBLEM, 6, 3, "found", thread)
     assert len(ticks) == steps(PROBLEM, 3) == 5
     assert [candidate.trajectory for candidate in first] == [x.trajectory for x in again]
-    assert first[0].criterion < other[0].criterion or first[0] != other[0]
+    assert first[0].criterion < reseeded[0].criterion or first[0] != reseeded[0]
     starts = [PROBLEM.value(PROBLEM.random_point(np.random.default_rng([5, i]))) for i in range(3)]
     assert first[0].criterion < min(starts) - 1.0
     assert first[0].criterion == min(x.criterion for x in first)

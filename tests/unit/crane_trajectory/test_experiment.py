@@ -10,8 +10,14 @@ from hypothesis import strategies as st
 from crane_interfaces.action import RunExcitation
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
-from crane_trajectory.control.pd_dead_zone import BLEND, Tuning, load_gains
+from crane_trajectory.control.controller import (
+    BLEND,
+    ControlCondition,
+    SensorReading,
+    Tuning,
+    Wanted,
+    load_gains,
+)
 from crane_trajectory.experiment import RELEASE_TIME_S, Experiment, Outcome, PeriodicError, Stage
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import BRAKE_TIME, LONGEST_STEP, Motion, Phase, plan
@@ -130,7 +136,7 @@ def test_the_braking_reference_is_consistent() -> None:
         crane.cycle()
         targets.append(crane.experiment.target)
     position, velocity, acceleration = (
-        np.array([getattr(one, name) for one in targets])
+        np.array([getattr(target, name) for target in targets])
         for name in ("position", "velocity", "acceleration")
     )
     central = (position[2:] - position[:-2]) / (2 * PERIOD)
@@ -138,7 +144,7 @@ def test_the_braking_reference_is_consistent() -> None:
     central = (velocity[2:] - velocity[:-2]) / (2 * PERIOD)
     np.testing.assert_allclose(central[:-1], acceleration[1:-2], atol=3e-2)
     assert np.abs(velocity[-1]).max() < 1e-6
-    assert {one.phase for one in targets} == {Phase.STOP}
+    assert {target.phase for target in targets} == {Phase.STOP}
 
 
 @settings(max_examples=5)
@@ -264,7 +270,7 @@ def test_a_controller_is_shown_the_reference_ahead_and_its_phase() -> None:
     shown = controller.wanted
     for early, late in zip(shown[:-steps], shown[steps:], strict=True):
         np.testing.assert_allclose(early.ahead.position, late.now.position, atol=1e-9)
-    phases = np.array([one.phase for one in shown])
+    phases = np.array([feedback.phase for feedback in shown])
     assert np.isnan(phases[0])
     assert np.nanmax(phases) == pytest.approx(TRAJECTORY.period, abs=2 * PERIOD)
     ends_well(crane)

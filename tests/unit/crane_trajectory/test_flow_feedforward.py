@@ -16,14 +16,15 @@ from unit.crane_trajectory.one_joint import (
     swing,
 )
 
-from crane_trajectory.control.flow_feedforward import STOP_RATE, FlowFeedforward, feedback_gains
-from crane_trajectory.control.interface import (
+from crane_trajectory.control.controller import (
+    STOP_RATE,
     ControlCondition,
     Point,
     SensorReading,
     Wanted,
-    in_words,
+    gravest,
 )
+from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
 from crane_trajectory.control.valves_and_oil import USED_AGAIN, ValvesAndOil
 
 GOOD = 2e-4  # rad, an error of a swing of 0.3 rad
@@ -188,8 +189,9 @@ def test_learns_dead_zones_and_gains() -> None:
     fixed, made = Boom(controller(wrong)).run(4 * PERIOD), controller(wrong, adaptive=True)
     course = Boom(made).run(4 * PERIOD)
     assert course.rms(2 * PERIOD) < 0.3 * fixed.rms(2 * PERIOD)
-    d, c_a, c_b = made.memory.learnt[0, 0, 0]
-    assert d == pytest.approx(0.06, abs=0.003)
+    learnt = made.memory.learnt[0, 0]
+    c_a, c_b = learnt["gain"]
+    assert learnt["dead_zone"] == pytest.approx(0.06, abs=0.003)
     assert 1.2e-7 / c_a == pytest.approx(1e-7 / 0.94, rel=0.04)
     assert 1e-7 / c_b == pytest.approx(1e-7 / 0.94, rel=0.04)
 
@@ -234,9 +236,9 @@ def test_commands_are_finite_and_bounded_whatever_is_read(
 
 
 def test_conditions_are_said_by_joint() -> None:
-    said = in_words((ControlCondition.FOLLOWING, ControlCondition.PRESSURES_LOST), ("slew", JOINT))
+    said = gravest((ControlCondition.FOLLOWING, ControlCondition.PRESSURES_LOST), ("slew", JOINT))
     assert said == f"{JOINT}: pressures lost: using the load of the model"
     assert (
-        in_words((ControlCondition.AT_REST, ControlCondition.FOLLOWING), ("slew", JOINT))
+        gravest((ControlCondition.AT_REST, ControlCondition.FOLLOWING), ("slew", JOINT))
         == "following"
     )

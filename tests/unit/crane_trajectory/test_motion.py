@@ -69,9 +69,9 @@ def test_visits_every_phase_in_order_and_rests_at_both_ends():
 
 def test_the_periods_are_the_trajectory_and_the_slew_is_held():
     motion = plan(MACHINE, TRAJECTORY, START, 2, CLEARANCE)
-    own = np.linspace(0.0, 2 * TRAJECTORY.period, 500)
-    reference = motion.reference(motion.excitation_start + own)
-    expected = TRAJECTORY.evaluate(own)
+    times = np.linspace(0.0, 2 * TRAJECTORY.period, 500)
+    reference = motion.reference(motion.excitation_start + times)
+    expected = TRAJECTORY.evaluate(times)
     np.testing.assert_allclose(reference.position[:, 1:], expected.position, atol=1e-12)
     np.testing.assert_allclose(reference.velocity[:, 1:], expected.velocity, atol=1e-12)
     np.testing.assert_allclose(reference.acceleration[:, 1:], expected.acceleration, atol=1e-12)

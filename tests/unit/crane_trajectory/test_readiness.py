@@ -5,7 +5,7 @@ import pytest
 
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_trajectory.control.pd_dead_zone import Tuning, load_gains
+from crane_trajectory.control.controller import Tuning, load_gains
 from crane_trajectory.experiment import REST_TIME_S, Readiness
 
 JOINTS = load_machine().joint_names
@@ -20,11 +20,11 @@ NOW = 50.0  # s
 @pytest.fixture
 def ready() -> Readiness:
     """Nothing is in the way at NOW."""
-    one = Readiness()
-    one.sample(PLACE, REST, TUNING, NOW - 2 * REST_TIME_S)
-    one.sample(PLACE, REST, TUNING, NOW)
-    assert one.lacking(TIMEOUT, NOW) == ""
-    return one
+    readiness = Readiness()
+    readiness.sample(PLACE, REST, TUNING, NOW - 2 * REST_TIME_S)
+    readiness.sample(PLACE, REST, TUNING, NOW)
+    assert readiness.lacking(TIMEOUT, NOW) == ""
+    return readiness
 
 
 def test_nothing_is_known_at_first() -> None:

@@ -19,7 +19,7 @@ SHIPPED = sorted(
 )
 
 
-@pytest.mark.parametrize("file", SHIPPED, ids=lambda one: f"{one.parent.name}/{one.name}")
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: f"{file.parent.name}/{file.name}")
 def test_it_reads_the_same(file: Path) -> None:
     assert read_apart(file) == load_trajectory(file)
 
@@ -70,12 +70,12 @@ def longest_wait(work: Callable[[], object]) -> float:
             waits.append(now - before)
             before = now
 
-    other = threading.Thread(target=beat)
-    other.start()
+    thread = threading.Thread(target=beat)
+    thread.start()
     with pytest.raises(ConfigurationError):
         work()
     done.set()
-    other.join()
+    thread.join()
     return max(waits)
 
 

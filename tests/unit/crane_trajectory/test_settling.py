@@ -12,15 +12,15 @@ from unit.crane_identification.synthetic import crane_model
 from crane_model.cylinders import lever_arm
 from crane_model.machine_files import machine_file
 from crane_model.model_file import save_model
-from crane_model.open_question import OpenMember, OpenQuestion, OpenQuestions, QuestionKind
+from crane_model.result_file import OpenMember, OpenQuestion, OpenQuestions, QuestionKind
 from crane_model.terms import Term, term_from_mapping
 from crane_model.terms.friction import Coulomb
 from crane_trajectory.design import main
 from crane_trajectory.excitation.limits import load_design_settings
+from crane_trajectory.excitation.sweeps import CourseDraws
 from crane_trajectory.motion.check import load_clearance, trajectory_violations
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.settling.courses import CourseDraws
 from crane_trajectory.settling.prediction import (
     Hypothesis,
     PlannedExperiment,
@@ -48,15 +48,15 @@ WORN = Hypothesis(
 )
 
 
-def member(one: Hypothesis, joint: str = "outer_boom", **more: float) -> OpenMember:
-    term: Term = one.term
+def member(hypothesis: Hypothesis, joint: str = "outer_boom", **more: float) -> OpenMember:
+    term: Term = hypothesis.term
     assert term.effect is not None
     return OpenMember(
         effect=term.type,
         name=term.effect.name,
         joint=joint,
         term=term.model_dump(),
-        values=one.values.tolist(),
+        values=hypothesis.values.tolist(),
         separation=more.get("separation"),
         settled_by=term.effect.settled_by,
     )
@@ -64,7 +64,7 @@ def member(one: Hypothesis, joint: str = "outer_boom", **more: float) -> OpenMem
 
 def question(*members: OpenMember, needed: float = 7.0) -> OpenQuestion:
     return OpenQuestion(
-        kind=QuestionKind.CLASS, members=list(members), needed=needed, needed_share=0.1
+        kind=QuestionKind.AMBIGUOUS, members=list(members), needed=needed, needed_share=0.1
     )
 
 
@@ -101,9 +101,9 @@ def test_the_separation_is_the_lead_to_be_expected() -> None:
     recording = PlannedRecording(EXCITATION, 1)
     experiment = PlannedExperiment(MODEL, [recording], NOISE, ROW_RATE)
     expected = experiment.separation(LOAD_FRICTION, WORN)
-    base, true, other = (
-        experiment._rows([one])
-        for one in (
+    base, true, alternative = (
+        experiment._rows([hypothesis])
+        for hypothesis in (
             MODEL.regressor(experiment._known[0]),
             LOAD_FRICTION.term.columns(experiment._known[0], MODEL.setting),
             WORN.term.columns(experiment._known[0], MODEL.setting),
@@ -113,17 +113,17 @@ def test_the_separation_is_the_lead_to_be_expected() -> None:
     leads: list[list[float]] = [[], []]
     for _ in range(40):
         noise = rng.standard_normal(len(base))
-        for (own, values, rival, bounds), out in zip(
+        for (columns, values, rival, bounds), out in zip(
             (
-                (true, LOAD_FRICTION.values, other, (1, 0)),
-                (other, WORN.values, true, (0, 1)),
+                (true, LOAD_FRICTION.values, alternative, (1, 0)),
+                (alternative, WORN.values, true, (0, 1)),
             ),
             leads,
             strict=True,
         ):
-            force = base @ MODEL.theta + own @ values + noise
+            force = base @ MODEL.theta + columns @ values + noise
             wrong = fitted(force, np.concatenate([base, rival], axis=1), bounds[1])
-            right = fitted(force, np.concatenate([base, own], axis=1), bounds[0])
+            right = fitted(force, np.concatenate([base, columns], axis=1), bounds[0])
             out.append(wrong - right)
     assert expected > 3.0
     assert min(map(np.mean, leads)) == pytest.approx(expected**2, rel=0.1)
@@ -164,7 +164,7 @@ def test_two_laws_of_one_effect_need_not_be_told_apart() -> None:
     three = question(member(LOAD_FRICTION), member(WORN), member(waves))
     two = question(member(WORN), member(waves))
     told = OpenQuestions(row_rate=ROW_RATE, noise={}, questions=[three, two])
-    assert [(one.question, one.names) for one in pairs_of(told)] == [
+    assert [(pair.question, pair.places) for pair in pairs_of(told)] == [
         (0, (0, 1)),
         (0, (0, 2)),
         (1, (0, 1)),
@@ -177,13 +177,15 @@ def test_courses_stay_within_all_limits_and_change_a_little() -> None:
         MACHINE, MODEL.joints, ("telescope",), CLEARANCE, settings.margins, period=20.0
     )
     rng = np.random.default_rng(3)
-    drawn = [one for _ in range(20) if (one := courses.draw(rng)) is not None]
+    drawn = [course for _ in range(20) if (course := courses.draw(rng)) is not None]
     assert len(drawn) > 5
-    for one in drawn:
-        assert trajectory_violations(MACHINE, one, CLEARANCE) == []
-        assert 20.0 <= one.period < 60.0
-    others = [one for _ in range(10) if (one := courses.varied(drawn[0], rng)) is not None]
-    assert others and all(one.joints != drawn[0].joints for one in others)
+    for course in drawn:
+        assert trajectory_violations(MACHINE, course, CLEARANCE) == []
+        assert 20.0 <= course.period < 60.0
+    variations = [
+        course for _ in range(10) if (course := courses.varied(drawn[0], rng)) is not None
+    ]
+    assert variations and all(course.joints != drawn[0].joints for course in variations)
 
 
 @pytest.fixture(scope="module")
@@ -210,7 +212,7 @@ def write(folder: Path, *questions: OpenQuestion) -> None:
         noise=dict(zip(MODEL.joints, NOISE, strict=True)),
         questions=list(questions),
     )
-    content = {"verdict": "class", "open": open_.plain()}
+    content = {"verdict": "ambiguous", "open": open_.plain()}
     (folder / "findings.json").write_text(json.dumps(content), encoding="utf-8")
 
 
@@ -229,13 +231,13 @@ def test_the_motion_designed_settles_better_than_that_of_an_excitation(
     plan(MACHINE, trajectory, START, plan_["periods"], CLEARANCE)  # raises if it cannot be run
     assert plan_["duration"] == pytest.approx(plan_["periods"] * trajectory.period)
     before = PlannedExperiment(MODEL, [PlannedRecording(EXCITATION, 3)], NOISE, ROW_RATE)
-    usual = min(before.separation(LOAD_FRICTION, one) for one in (WORN, PRESLIDING))
+    usual = min(before.separation(LOAD_FRICTION, effect) for effect in (WORN, PRESLIDING))
     assert len(plan_["separations"]) == 3
-    assert [one["told"] for one in plan_["separations"]] == [3.0, 5.0, None]
-    assert min(one["predicted"] for one in plan_["separations"]) > usual
-    assert all(one["settled_by"] == "" for one in plan_["separations"])
+    assert [separation["told"] for separation in plan_["separations"]] == [3.0, 5.0, None]
+    assert min(separation["predicted"] for separation in plan_["separations"]) > usual
+    assert all(separation["settled_by"] == "" for separation in plan_["separations"])
     said = capsys.readouterr().out
-    assert "class: load-dependent joint friction (outer_boom)" in said
+    assert "ambiguous: load-dependent joint friction (outer_boom)" in said
     assert f"run_excitation --periods {plan_['periods']} --enable" in said
 
 
@@ -253,11 +255,11 @@ def test_where_no_motion_settles_it_an_action_is_named(tmp_path: Path) -> None:
         Hypothesis(term_from_mapping({"type": name, "joint": "telescope"}), np.array([value]))
         for name, value in (("coulomb_asymmetry", 100.0), ("pressure_offset", 8e4))
     ]
-    write(tmp_path, question(*(member(one, "telescope") for one in constants)))
-    (one,) = settled(tmp_path, tmp_path / "settle.yaml")["separations"]
-    assert one["predicted"] < 0.01
-    assert one["actions"] == []
-    assert one["settled_by"] == "readings of the pressure transducers at zero pressure"
+    write(tmp_path, question(*(member(hypothesis, "telescope") for hypothesis in constants)))
+    (separation,) = settled(tmp_path, tmp_path / "settle.yaml")["separations"]
+    assert separation["predicted"] < 0.01
+    assert separation["actions"] == []
+    assert separation["settled_by"] == "readings of the pressure transducers at zero pressure"
 
 
 ASYMMETRY = ("coulomb_asymmetry", "telescope")
@@ -282,8 +284,8 @@ def test_what_cannot_be_foretold_is_said_and_the_rest_is_designed_for(
         term_from_mapping({"type": "temperature_viscosity", "joint": "outer_boom"}), np.ones(1)
     )
     write(tmp_path, question(member(warmth), member(WORN), member(LOAD_FRICTION)))
-    (one,) = settled(tmp_path, tmp_path / "new" / "settle.yaml")["separations"]
-    assert {one["one"], one["other"]} == {
+    (separation,) = settled(tmp_path, tmp_path / "new" / "settle.yaml")["separations"]
+    assert {separation["first"], separation["second"]} == {
         "position-dependent Coulomb friction (outer_boom)",
         "load-dependent joint friction (outer_boom)",
     }
@@ -294,7 +296,7 @@ def test_what_cannot_be_foretold_is_said_and_the_rest_is_designed_for(
 
 @pytest.mark.parametrize(
     ("content", "said"),
-    [(None, "no such file"), ({"verdict": "class"}, "key 'open'")],
+    [(None, "no such file"), ({"verdict": "ambiguous"}, "key 'open'")],
 )
 def test_a_folder_without_questions_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: dict | None, said: str
@@ -318,6 +320,6 @@ def test_a_term_that_is_not_determined_is_asked_whether_it_is_there(tmp_path: Pa
         update={"kind": QuestionKind.UNDETERMINED}
     )
     write(tmp_path, asked)
-    (one,) = settled(tmp_path, tmp_path / "settle.yaml")["separations"]
-    assert one["other"] == ""
-    assert one["predicted"] > one["needed"]
+    (separation,) = settled(tmp_path, tmp_path / "settle.yaml")["separations"]
+    assert separation["second"] == ""
+    assert separation["predicted"] > separation["needed"]

@@ -11,8 +11,15 @@ from unit.crane_trajectory.one_joint import DT, PERIOD, Boom, hydraulics, model
 from unit.crane_trajectory.test_flow_feedforward import controller, jump
 
 from crane_model.kinematics import tip_position
-from crane_trajectory.control.interface import SensorReading, Wanted
-from crane_trajectory.control.load import LONGEST, OLDEST, RATE, FedLoad, ReferenceLoad, ToldLoad
+from crane_trajectory.control.controller import SensorReading, Wanted
+from crane_trajectory.control.flow_feedforward import (
+    LOAD_RATE,
+    LONGEST_CYCLE,
+    OLDEST_LOAD,
+    FedLoad,
+    ReferenceLoad,
+    ToldLoad,
+)
 
 SURE = ToldLoad(0.0, 100.0, 0.5, "GOOD")
 ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
@@ -22,8 +29,8 @@ def settled(told: ToldLoad, time: float = 0.5) -> float:
     """What the crane is led with after a while in which nothing else was told [kg]."""
     fed = FedLoad(150.0)
     fed.tell(told)
-    for _ in range(round(150.0 / RATE / LONGEST) + 1):
-        fed.at(time - LONGEST)
+    for _ in range(round(150.0 / LOAD_RATE / LONGEST_CYCLE) + 1):
+        fed.at(time - LONGEST_CYCLE)
         fed.at(time)
     return fed.mass
 
@@ -45,8 +52,8 @@ def test_a_sure_load_is_led_with() -> None:
         SURE._replace(condition="POSITIONS_ESTIMATED"),
         SURE._replace(condition="PRESSURES_LOST"),
         SURE._replace(condition=""),
-        SURE._replace(time=-OLDEST),
-        SURE._replace(time=2.0 * OLDEST),
+        SURE._replace(time=-OLDEST_LOAD),
+        SURE._replace(time=2.0 * OLDEST_LOAD),
         SURE._replace(time=math.nan),
     ],
 )
@@ -68,7 +75,7 @@ def test_whatever_is_told_the_mass_is_bounded_and_goes_at_a_bounded_rate(
         fed.tell(ToldLoad(time, mass, deviation, "GOOD"))
         now = fed.at(DT * k)
         assert 0.0 <= now <= 150.0
-        assert abs(now - before) <= RATE * LONGEST + 1e-9
+        assert abs(now - before) <= LOAD_RATE * LONGEST_CYCLE + 1e-9
         before = now
 
 
@@ -117,7 +124,9 @@ def test_a_load_that_comes_and_goes_in_motion_makes_no_command_jump() -> None:
             return self.made.command(dt, reading, wanted)
 
     fed, without = Fed(60.0), Fed(0.0)
-    course, plain = (Boom(one, hydraulics()).run(2.0 * PERIOD) for one in (fed, without))
+    course, plain = (
+        Boom(controller, hydraulics()).run(2.0 * PERIOD) for controller in (fed, without)
+    )
     assert model().machine is not None
     assert np.abs(course.command - plain.command).max() > 0.005  # it was led with it
     assert jump(course, 0.5, 2.0 * PERIOD) < 1.1 * jump(plain, 0.5, 2.0 * PERIOD)

@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from crane_bags.types import DRIVER_STATE, typestore
-from crane_model.inspection.findings import poses
-from crane_model.inspection.picture import placed_bars
+from crane_model.inspection import placed_bars, poses
 from crane_model.kinematics import tip_position
 from crane_model.machine import load_machine
 from crane_viewer.scene import along_z, ground_arc, reached_places, round_bars, side_outline

@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("rerun", reason="Rerun is not installed (make view)")
 
 from crane_driver.driver_messages import FINALIZED
-from crane_driver.safety.states import SafetyState
+from crane_driver.safety.supervisor import SafetyState
 from crane_viewer.layout import STATES
 
 

@@ -14,7 +14,7 @@ from outcome import DemoOutcome, Following, OnlineEstimate, Unplugged
 
 from crane_benchmark.folders import read_json
 from crane_benchmark.measured import NO_BREAK, MeasuredFigures, MeasuredRow, write
-from crane_benchmark.scores.frozen import RECORD
+from crane_benchmark.scores.locked import RECORD
 from crane_identification.report.summary import MotionSummary, ParameterSummary, Summary
 
 NAMES = sorted(path.stem for path in MEASURED.glob("*.json"))
@@ -51,11 +51,13 @@ def frictions() -> list[float]:
 
 
 def of_plants(value: str) -> list[float]:
-    return [measured(f"discrepancy_{site}", value)[0] for site in ("home", "away")]
+    return [
+        measured(f"discrepancy_{simulator}", value)[0] for simulator in ("primary", "independent")
+    ]
 
 
 def cases(rate: str) -> list[float]:
-    """How many at home, and away."""
+    """How many of each simulator."""
     return [a * b for a, b in zip(of_plants(rate), of_plants(f"{rate}_of"), strict=True)]
 
 
@@ -65,24 +67,32 @@ AT_MOST: list[tuple[str, str, Callable[[], float]]] = [
     ("README.md", r"make test +# (\d+) min", lambda: measured("checks", "seconds")[0] / 60.0),
 ]
 """What pages promise: a page, its words with the number, and what was measured."""
+ACCURACY = "docs/explanation/accuracy.md"
 EQUAL: list[tuple[str, str, Callable[[], float]]] = [
-    ("docs/explanation/stand_in_machine.md", r"Friction is (\d+) to", lambda: min(frictions())),
-    ("docs/explanation/stand_in_machine.md", r"Friction is \d+ to (\d+) %",
+    ("docs/developers/simulated_crane.md", r"Friction is (\d+) to", lambda: min(frictions())),
+    ("docs/developers/simulated_crane.md", r"Friction is \d+ to (\d+) %",
      lambda: max(frictions())),
-    ("docs/explanation/benchmark.md", r"took (\d+) s of processor",
-     lambda: max(of_plants("seconds"))),
-    ("docs/explanation/benchmark.md", r"surveyed (\d+) of \d+ single effects from 2 %",
-     lambda: sum(cases("right_from_2_percent_surveyed"))),
-    ("docs/explanation/benchmark.md", r"surveyed \d+ of (\d+) single effects from 2 %",
-     lambda: sum(of_plants("right_from_2_percent_surveyed_of"))),
-    ("docs/explanation/benchmark.md", r"\*Outside the catalogue\*, (\d+) of",
-     lambda: sum(of - right for of, right in zip(
-         of_plants("unknown_recognised_of"), cases("unknown_recognised"), strict=True))),
-    ("docs/explanation/benchmark.md", r"\*Wrong names\*, (\d+) of",
-     lambda: sum(cases("wrong_names"))),
-    ("docs/figures.md", r"set on (\d+) cases that hide nothing",
+    (ACCURACY, r"of 2 % or more: named \| (\d+) %",
+     lambda: 100.0 * of_plants("right_from_2_percent")[0]),
+    (ACCURACY, r"of 2 % or more: named \| .*? \| (\d+) %",
+     lambda: 100.0 * of_plants("right_from_2_percent")[1]),
+    (ACCURACY, r"of 1 %: named \| (\d+) %",
+     lambda: 100.0 * of_plants("right_at_1_percent")[0]),
+    (ACCURACY, r"of 1 %: named \| .*? \| (\d+) %",
+     lambda: 100.0 * of_plants("right_at_1_percent")[1]),
+    (ACCURACY, r"catalogue: `unknown` \| (\d+) %",
+     lambda: 100.0 * of_plants("unknown_recognised")[0]),
+    (ACCURACY, r"catalogue: `unknown` \| .*? \| (\d+) %",
+     lambda: 100.0 * of_plants("unknown_recognised")[1]),
+    (ACCURACY, r"wrong effect named \| ([\d.]+) %",
+     lambda: 100.0 * of_plants("wrong_names")[0]),
+    (ACCURACY, r"wrong effect named \| .*? \| ([\d.]+) %",
+     lambda: 100.0 * of_plants("wrong_names")[1]),
+    (ACCURACY, r"false alarms \| (\d+) of", lambda: cases("false_alarms")[0]),
+    (ACCURACY, r"false alarms \| .*? \| (\d+) of", lambda: cases("false_alarms")[1]),
+    ("docs/figures.md", r"set on (\d+) cases without an effect",
      lambda: float(read_json(RECORD)["cases"])),
-    ("docs/figures.md", r"effects below ([\d.]+) %",
+    ("docs/figures.md", r"Effects below ([\d.]+) %",
      lambda: 100.0 * float(read_json(RECORD)["state"]["gates"]["smallest_strength"])),
     ("docs/figures.md", r"up to\s+([\d.]+)\s+times the\s+scatter",
      lambda: float(read_json(RECORD)["state"]["gates"]["floor_factor"])),
@@ -172,8 +182,8 @@ def test_figures_of_the_demo_are_those_of_its_outcome() -> None:
     )
     outcome = DemoOutcome(
         online=[
-            OnlineEstimate(name="one", planted=1.0, value=1.3, std_dev=0.2),
-            OnlineEstimate(name="two", planted=1.0, value=math.inf, std_dev=math.inf),
+            OnlineEstimate(name="one", true_value=1.0, value=1.3, std_dev=0.2),
+            OnlineEstimate(name="two", true_value=1.0, value=math.inf, std_dev=math.inf),
         ],
         tracking_rms={"slew": 0.001, "telescope": 0.009},
         following=Following(
@@ -187,7 +197,7 @@ def test_figures_of_the_demo_are_those_of_its_outcome() -> None:
             seconds_to_name=0.21,
             seconds_to_neutral=0.354,
             estimate_error=-0.0021,
-            planted_load=60.0,
+            true_load=60.0,
             load=59.6,
             load_std_dev=0.4,
         ),
@@ -198,9 +208,14 @@ def test_figures_of_the_demo_are_those_of_its_outcome() -> None:
     rows = rows_of_demo("make demo", summary, summary, outcome, dict.fromkeys(names, 1.0), units)
     shown = [[cell.replace(NO_BREAK, " ") for cell in row.shown] for row in rows]
     told = {what: said for what, _, said in shown}
-    assert told["2 planted parameters, live: farthest off, online and offline"] == "1.5 σ, 1.0 σ"
+    assert (
+        told["2 parameters, live: farthest from the true values, online and offline"]
+        == "1.5 σ, 1.0 σ"
+    )
     assert told["friction in τ"] == "50 %, 50 %"
-    assert told["simulated motion 0.5 s ahead, error relative to the way"] == "0.20 %, 0.50 %"
+    assert (
+        told["simulated motion 0.5 s ahead, error relative to the displacement"] == "0.20 %, 0.50 %"
+    )
     assert told["RMS tracking error by (36) (slew, telescope)"] == "1 mrad, 9 mm"
     led = "the same by `flow_and_pressures` with the fitted model (slew, telescope)"
     assert told[led] == "0.00 mrad, 0.12 mm"

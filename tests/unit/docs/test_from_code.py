@@ -57,7 +57,7 @@ def test_result_files_show_nested_parts_and_units() -> None:
     page = pages_of_result_files()["result_files.md"]
     assert "| `value` | number | Estimate [unit]. |" in page
     assert "| `frequency` | number | Of the line [Hz]. |" in page
-    assert "One of `named`, `named_and_more`, `class`, `none`" in page
+    assert "One of `named`, `named_and_more`, `ambiguous`, `none`" in page
     assert "| `polarity` | `-1`, `1` |" in page
 
 

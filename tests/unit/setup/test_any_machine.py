@@ -25,27 +25,28 @@ ID, MODEL, SIM = (
     "src/crane_sim/crane_sim",
 )
 NO_JOINTS = (  # other fours, and other things of these names
-    "src/crane_bags/crane_bags/chunks.py",  # columns of an index
+    "src/crane_bags/crane_bags/storage.py",  # columns of an index
     f"{ID}/estimation/autoregression.py",  # results of a test
     f"{ID}/hydraulics/balance.py",  # metering edges
     f"{MODEL}/linkages.py",  # bars
+    "src/crane_observer/crane_observer/payload/filter.py",  # places of states
     f"{SIM}/effects/kernel.py",  # what a load that hangs does
     f"{SIM}/parts/mujoco_model.py",  # a quaternion
 )
 OF_THE_REPORT = (  # what is its crane: base parameters by name, the drawing, the old file format
-    *(f"{MODEL}/{name}.py" for name in ("base_parameters", "machine/machine", "machine/planar")),
+    *(f"{MODEL}/{name}.py" for name in ("base_parameters", "machine")),
     f"{MODEL}/terms/rigid_body.py",
-    f"{ID}/estimation/physics.py",
-    *(f"{SIM}/{name}.py" for name in ("drawing/bodies", "planted")),
+    f"{ID}/estimation/consistent.py",
+    *(f"{SIM}/{name}.py" for name in ("drawing/bodies", "true_values")),
     "src/crane_benchmark/",  # measured on it
 )
 OF_SOME_MACHINES = (  # effects of what slews or telescopes, and the signals that they follow
     *(f"{MODEL}/terms/{name}.py" for name in ("term", "gravity_and_load", "sensing")),
-    *(f"{MODEL}/terms/{name}.py" for name in ("drawn_friction", "friction")),
+    *(f"{MODEL}/terms/{name}.py" for name in ("nonparametric", "friction")),
     f"{MODEL}/record.py",
-    *(f"{ID}/data/{name}.py" for name in ("bag_log", "column_map", "resample")),
-    *(f"{ID}/diagnosis/{name}.py" for name in ("fit/features", "variables")),
-    *(f"{ID}/validation/{name}_validation.py" for name in ("command", "motion")),
+    *(f"{ID}/data/{name}.py" for name in ("recording_log", "column_map", "resample")),
+    *(f"{ID}/diagnosis/{name}.py" for name in ("fit/evidence", "formula", "residuals")),
+    f"{ID}/validation/motion_validation.py",
     f"{ID}/preparation/run.py",
     f"{SIM}/effects/loads.py",
 )

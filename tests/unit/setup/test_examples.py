@@ -17,15 +17,9 @@ BUS = "needs a bus or the nodes around it: tests/integration shows it at work"
 LIKE = "as the one beside it"
 REASONS = {
     "crane_bags": {"TopicData": RESULT, "ArrayChannel": RESULT},
-    "crane_nodes": dict.fromkeys(
-        ("Stop", "ros", "DriverClient", "run_managed", "declare", "hold", "Polled", "say_ready"),
-        NODE,
-    )
-    | {"NoDriverError": ERROR, "Numbers": LIKE},
-    "crane_driver": dict.fromkeys(
-        ("BusSettings", "Link", "DriverLoop", "Supervisor", "SafetyState"), BUS
-    )
-    | {"Fault": BUS, "SafetySettings": RESULT, "load_safety": "as load_layout"},
+    "crane_nodes": dict.fromkeys(("ros", "DriverClient", "run_managed", "declare"), NODE)
+    | {"NoDriverError": ERROR},
+    "crane_driver": {"Link": BUS, "SafetySettings": RESULT},
     "crane_trajectory": {
         "Clearance": RESULT, "Motion": RESULT, "SweepTrajectory": LIKE,
         "DesignSettings": RESULT, "load_design_settings": "as load_clearance",
@@ -39,20 +33,21 @@ REASONS = {
         "forward_kinematics": "tip_position is its last row", "tip_jacobian": "of tip_position",
     },
     "crane_sim": {
-        "StandIn": RESULT, "SimulatedRecording": RESULT, "load_spec": "as load_stand_in",
-        "save_stand_in": "as load_stand_in", "Sensors": "part of make_bag", "record": "in make_bag",
+        "SimulatedCrane": RESULT, "SimulatedRecording": RESULT,
+        "load_spec": "as load_simulated_crane", "save_simulated_crane": "as load_simulated_crane",
+        "Sensors": "part of make_bag", "record": "in make_bag",
         "make": "make_bag is its command line", "calibrate": "takes half a minute",
     },
     "crane_viewer": {"View": NODE, "ground_arc": "as side_outline",
                      "reached_places": "as side_outline"},
     "crane_observer": {
-        "PositionSensor": "texts and tests show it on recordings", "SensorWatch": LIKE,
+        "PositionEstimator": "texts and tests show it on recordings", "SensorWatch": LIKE,
         "PoseEstimate": RESULT, "HeardRecording": RESULT, "learn": "needs minutes of recordings",
     },
     "crane_identification": {
-        "FitResult": RESULT, "Estimate": RESULT, "Validation": RESULT, "Covariance": LIKE,
+        "FitResult": RESULT, "Estimate": RESULT, "Validation": RESULT,
         "Session": "made by fit", "ProgressBar": "draws on a terminal",
-        "read_bag": "the tutorials read bags",
+        "read_bag": "the tutorials read bags", "read_recording": "as read_bag",
     },
 }  # fmt: skip
 WORDS = re.compile(r"\w+")

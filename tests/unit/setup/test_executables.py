@@ -36,6 +36,6 @@ def test_help_is_there_and_names_what_can_be_replaced(
     told = capsys.readouterr().out
     results = {
         *("decode", "design", "diagnose", "identify", "machine_command", "picture"),
-        *("run_excitation_node", "estimate_positions", "weigh", "film"),
+        *("run_excitation_node", "move_node", "estimate_positions", "estimate_payload", "film"),
     }
     assert ("--replace" in told) == (module.rpartition(".")[2] in results)

@@ -10,7 +10,10 @@ ROOT = Path(__file__).resolve().parents[3]
 MANIFESTS = sorted([*ROOT.glob("crane_*/package.xml"), *ROOT.glob("src/*/package.xml")])
 REQUIREMENTS = [
     ROOT / f"requirements{part}.txt"
-    for part in ("", "-ros", "-dev", "-test", "-docs", "-tables", "-pictures", "-view", "-apt")
+    for part in (
+        *("", "-ros", "-dev", "-test", "-docs", "-tables", "-pictures", "-view", "-benchmark"),
+        "-apt",
+    )
 ]  # the last one by itself, the others together
 
 COMMANDS = ("", "-ros", "-tables", "-pictures", "-view")  # what a user's commands may need

@@ -11,7 +11,6 @@ from pathlib import Path
 import packages
 import prerequisites
 import pytest
-import wheels
 import workspace
 from machine import Machine, SetupError
 
@@ -194,7 +193,7 @@ def test_what_an_extra_needs_is_added_once(clone: Path, monkeypatch: pytest.Monk
     (clone / "requirements-docs.txt").write_text("furo==1.0\n")
     packages.install_extra(wheels_machine(clone), "docs")
     assert installed[-1] == "furo==1.0"
-    with pytest.raises(SetupError, match="no extra 'snake'; there are docs, pictures, tables"):
+    with pytest.raises(SetupError, match="no extra 'snake'; there are benchmark, docs, pictures"):
         packages.install_extra(wheels_machine(clone), "snake")
     before = list(installed)
     packages.install_extra(Machine(clone, ros_installed=True), "test")
@@ -209,7 +208,7 @@ def test_installed_ros_with_another_python(tmp_path: Path, monkeypatch: pytest.M
         prerequisites.check(Machine(tmp_path, ros_installed=True))
 
 
-def test_include_folders_of_the_wheels_are_mended(tmp_path: Path) -> None:
+def test_include_folders_of_the_wheels_are_repaired(tmp_path: Path) -> None:
     import sysconfig
 
     import numpy
@@ -228,7 +227,7 @@ def test_include_folders_of_the_wheels_are_mended(tmp_path: Path) -> None:
     python.write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
     python.chmod(0o755)
 
-    wheels.mend_include_folders(wheels_machine(tmp_path))
+    packages.repair_include_folders(wheels_machine(tmp_path))
 
     assert exported.read_text() == (
         f'INCLUDES "${{PREFIX}}/include/some_msgs;{sysconfig.get_path("include")};'

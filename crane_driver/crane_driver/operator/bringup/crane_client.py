@@ -13,19 +13,19 @@ from rclpy.publisher import Publisher
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
+from crane_driver.operator import COMMAND_PERIOD_S, LONGEST_PAUSE_S
+from crane_driver.operator.bringup.estimates import FEWEST_READINGS, JointInstant
 from crane_driver.operator.bringup.motion import MotionError, StoppedError, Tick
-from crane_driver.operator.bringup.samples import FEWEST, JointInstant
-from crane_driver.operator.wording import COMMAND_PERIOD_S, LONGEST_PAUSE_S
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import DataError
 from crane_nodes.driver_client import DriverClient, NoDriverError
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.managed import Stop, say_ready
 from crane_nodes.node_time import NodeTime, nanoseconds
-from crane_nodes.scheduling import PATIENCE_S
+from crane_nodes.this_computer import PATIENCE_S
 
-DEPTH = 50  # messages
-ANSWER_TIMEOUT_S = 10.0  # for the driver to answer
+SAMPLES_DEPTH = 50  # messages
+DRIVER_ANSWER_TIMEOUT_S = 10.0  # for the driver to answer
 STATE_TIMEOUT_S = 0.1  # without a joint state while the crane moves
 NEUTRAL_AT_END_S = 0.2  # of neutral commands before the driver is disabled
 LONGEST_SPIN_S = 0.1  # of real time, between two looks at the time
@@ -42,7 +42,9 @@ class CraneClient(Node):
         self._executor.add_node(self)
         self.time = NodeTime(self)
         self.time.listen()
-        self._patience = PATIENCE_S if self.time.simulated else ANSWER_TIMEOUT_S  # of real time
+        self._patience = (
+            PATIENCE_S if self.time.simulated else DRIVER_ANSWER_TIMEOUT_S
+        )  # of real time
         self.joints: tuple[str, ...] = ()
         self.samples: list[JointInstant] = []
         self.pressures: list[dict[str, float]] = []
@@ -50,15 +52,14 @@ class CraneClient(Node):
         self._trouble = ""
         self._refused: int | None = None  # commands, as the driver has told since it was enabled
         subscribe = self.create_subscription
-        states = subscribe(JointState, "joint_states", self._joint_state, DEPTH)
+        states = subscribe(JointState, "joint_states", self._joint_state, SAMPLES_DEPTH)
         cylinders = subscribe(
-            CylinderPressures, "cylinder_pressures", self._cylinder_pressures, DEPTH
+            CylinderPressures, "cylinder_pressures", self._cylinder_pressures, SAMPLES_DEPTH
         )
         self._states, self._cylinders = states.topic_name, cylinders.topic_name
         self._driver = DriverClient(self, self._told)
 
     def spin(self, seconds: float) -> None:
-        """Take what comes for a time."""
         end = self.time.now() + seconds
         while (left := end - self.time.now()) > 0.0:
             self._executor.spin_once(timeout_sec=min(left, LONGEST_SPIN_S))
@@ -73,7 +74,6 @@ class CraneClient(Node):
         say_ready(self)
 
     def parameters(self, names: Sequence[str]) -> dict[str, Any]:
-        """Parameters of the driver."""
         ask = self.create_client(GetParameters, f"{self._driver.newest.node}/get_parameters")
         self._until(ask.service_is_ready, f"there is no service {ask.srv_name}")
         answer = self._answer(ask.call_async(GetParameters.Request(names=names)))
@@ -86,11 +86,11 @@ class CraneClient(Node):
         self.samples.clear()
         self._wait(seconds)
         self._until(  # where this computer was too busy to take more
-            lambda: len(self.samples) >= FEWEST,
-            f"no {self._states} in {seconds + self._patience:g} s, or fewer than {FEWEST}; see "
-            "/diagnostics",
+            lambda: len(self.samples) >= FEWEST_READINGS,
+            f"no {self._states} in {seconds + self._patience:g} s, or fewer than "
+            f"{FEWEST_READINGS}; see /diagnostics",
         )
-        return np.array([one.position for one in self.samples])
+        return np.array([sample.position for sample in self.samples])
 
     def record_pressures(self, seconds: float) -> dict[str, np.ndarray]:
         """Readings (n,) of each pressure in a time from now on: JOINT.a, ..., supply, tank [Pa]."""
@@ -99,7 +99,7 @@ class CraneClient(Node):
         if not self.pressures:
             raise DataError(f"no {self._cylinders} in {seconds:g} s; see /diagnostics")
         names = self.pressures[0].keys()
-        return {name: np.array([one[name] for one in self.pressures]) for name in names}
+        return {name: np.array([reading[name] for reading in self.pressures]) for name in names}
 
     @contextmanager
     def drive(self, joint: str) -> Iterator["NodeDrive"]:
@@ -121,11 +121,9 @@ class CraneClient(Node):
 
     @property
     def trouble(self) -> str:
-        """Why the driver has stopped the crane since it was enabled; empty if it has not."""
         return self._trouble
 
     def recover(self, drive: "NodeDrive") -> None:
-        """Reset the fault of the driver and enable it again; `MotionError` if it refuses."""
         drive.enabled = False
         answer = self._answer(self._driver.reset_fault(), drive)
         if not answer.success:
@@ -208,10 +206,10 @@ class CraneClient(Node):
         )
 
     def _cylinder_pressures(self, message: CylinderPressures) -> None:
-        one = {"supply": message.supply, "tank": message.tank}
+        reading = {"supply": message.supply, "tank": message.tank}
         for name, a, b in zip(message.name, message.chamber_a, message.chamber_b, strict=True):
-            one |= {f"{name}.a": a, f"{name}.b": b}
-        self.pressures.append(one)
+            reading |= {f"{name}.a": a, f"{name}.b": b}
+        self.pressures.append(reading)
 
     def _told(self, state: DriverState) -> None:
         if state.state in (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP):
@@ -231,7 +229,6 @@ class NodeDrive:
         self.enabled = False
 
     def tick(self, command: float) -> Tick:
-        """Send a command; samples until the next one is due."""
         if self.enabled:
             if (pause := self._client.time.now() - self._sent) > LONGEST_PAUSE_S:
                 if command:  # a neutral one begins anew
@@ -255,12 +252,10 @@ class NodeDrive:
         return Tick(sent, list(self._client.samples))
 
     def recover(self) -> None:
-        """Reset the fault of the driver and enable it again."""
         self._client.recover(self)
 
     def leave(self) -> None:
-        """Neutral commands for a while, whatever else is wrong."""
-        now, patience = self._client.time.now, time.monotonic() + ANSWER_TIMEOUT_S
+        now, patience = self._client.time.now, time.monotonic() + DRIVER_ANSWER_TIMEOUT_S
         end = now() + NEUTRAL_AT_END_S
         while now() < end and time.monotonic() < patience:
             self._publish(0.0)

@@ -8,29 +8,34 @@ from pathlib import Path
 from crane_driver.can.binding import load_layout
 from crane_driver.can.mapping import Mapping
 from crane_driver.driver_parameters import DBC, MAPPING, driver_parameters
-from crane_driver.operator.bringup import measuring, moving
-from crane_driver.operator.bringup.bench import Bench, Protocol
-from crane_driver.operator.bringup.crane_client import CraneClient
-from crane_driver.operator.bringup.series import CONTROLLER, RESULT, STEPS, Series
-from crane_driver.operator.bringup.series import MAPPING as MAPPING_FILE
-from crane_driver.operator.bringup.terminal import (
+from crane_driver.operator.bringup.bench import (
+    Bench,
+    BringupRequest,
     BringupTerminal,
     Parameters,
     driver_command,
     next_command,
 )
+from crane_driver.operator.bringup.crane_client import CraneClient
+from crane_driver.operator.bringup.results import (
+    CONTROLLER_FILE,
+    MAPPING_FILE,
+    RESULT_FILE,
+    STEPS,
+    Series,
+)
+from crane_driver.operator.bringup.steps import dead_band, encoders, gains, pressures, valves
 from crane_model.cli import between, command_line, run
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
-from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import own_arguments, ros, ros_arguments
-from crane_nodes.parameters import NodeParameter, Switch
+from crane_nodes.parameters import MACHINE, NodeParameter, Switch
 
 USE_SIM_TIME = Switch("use_sim_time", False, "run on simulated time")  # of every node
-ORDER = """\
+ORDER_OF_STEPS = """\
 The steps, in this order, each with the driver running:
   status     what has been done
   encoders   zero and sign of each encoder, while you move the joints by hand
@@ -49,21 +54,21 @@ one, they may be answered by a file: bringup STEP --out FOLDER < answers.
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one step of the bring-up."""
     argv = sys.argv[1:] if argv is None else argv
-    options = command_parser().parse_args(own_arguments(argv))
-    if options.step == "status":
-        return run(lambda: _status(Series(options.out)))
-    return run(lambda: _measure(argv, options))
+    request = BringupRequest(**vars(command_parser().parse_args(own_arguments(argv))))
+    if request.step == "status":
+        return run(lambda: _status(Series(request.out)))
+    return run(lambda: _measure(argv, request))
 
 
-def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
+def _measure(argv: Sequence[str], request: BringupRequest) -> None:
     with ros(argv) as stop:
         crane = CraneClient(stop)
         crane.connect()
-        series = Series(options.out)
+        series = Series(request.out)
         name = crane.parameters([MACHINE.name])[MACHINE.name]
         machine = load_machine(name)
         driver = _parameters(crane, (*driver_parameters(machine, name), USE_SIM_TIME))
-        mapping = _mapping(options.mapping or series.newest(MAPPING_FILE), driver)
+        mapping = _mapping(request.mapping or series.newest(MAPPING_FILE), driver)
         bench = Bench(
             crane=crane,
             terminal=BringupTerminal(stop, crane.spin),
@@ -74,34 +79,26 @@ def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
             layout=load_layout(machine, mapping, machine_file("can.dbc", name, str(driver[DBC]))),
             units=machine.units,
             notes=load_joint_notes(machine_file("joints.yaml", name), machine.units),
-            joints=_joints(options.joints, crane.joints),
-            protocol=Protocol(
-                options.seconds,
-                options.rate,
-                options.speed,
-                options.limit,
-                options.travel,
-                options.repeats,
-                options.time_constant,
-            ),
+            joints=_joints(request.joints, crane.joints),
+            protocol=request,
         )
         steps: dict[str, Callable[[Bench], None]] = {
-            "encoders": measuring.encoders,
-            "pressures": measuring.pressures,
-            "valves": moving.valves,
-            "dead_band": moving.dead_band,
-            "gains": lambda bench: moving.gains(
-                bench, machine_file(CONTROLLER, name, options.controller)
+            "encoders": encoders,
+            "pressures": pressures,
+            "valves": valves,
+            "dead_band": dead_band,
+            "gains": lambda bench: gains(
+                bench, machine_file(CONTROLLER_FILE, name, request.controller)
             ),
         }
-        steps[options.step](bench)
-        if command := next_command(command_parser(), options, ros_arguments(argv)):
+        steps[request.step](bench)
+        if command := next_command(command_parser(), request, ros_arguments(argv)):
             bench.terminal.say(f"the next step, in the order of the manual:\n  {command}")
 
 
 def _parameters(crane: CraneClient, parameters: Sequence[NodeParameter]) -> Parameters:
-    values = crane.parameters([one.name for one in parameters])
-    return {one: values[one.name] for one in parameters}
+    values = crane.parameters([parameter.name for parameter in parameters])
+    return {parameter: values[parameter.name] for parameter in parameters}
 
 
 def _mapping(expected: Path | None, driver: Parameters) -> Path:
@@ -126,9 +123,9 @@ def _joints(asked: Sequence[str], there: Sequence[str]) -> tuple[str, ...]:
 
 def _status(series: Series) -> None:
     for path in series.runs:
-        print(f"{path}: {', '.join(sorted(one.name for one in path.iterdir()))}")
-    done = [one for one in STEPS if series.newest(RESULT, one)]
-    missing = [one for one in STEPS if one not in done]
+        print(f"{path}: {', '.join(sorted(file.name for file in path.iterdir()))}")
+    done = [step for step in STEPS if series.newest(RESULT_FILE, step)]
+    missing = [step for step in STEPS if step not in done]
     print(f"done: {', '.join(done) or 'nothing'}; to be done: {', '.join(missing) or 'nothing'}")
     if mapping := series.newest(MAPPING_FILE):
         print(f"newest mapping, for the driver: {mapping}")
@@ -139,7 +136,7 @@ def command_parser() -> argparse.ArgumentParser:
     parser = command_line(
         prog="bringup",
         description="Guided measurement on a new crane, step by step.",
-        epilog=ORDER,
+        epilog=ORDER_OF_STEPS,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("step", choices=("status", *STEPS))

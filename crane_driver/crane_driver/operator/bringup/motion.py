@@ -4,15 +4,21 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from crane_driver.operator.bringup.samples import SINKING, JointInstant, Rest, Trace
-from crane_driver.operator.bringup.valves import Nudge
+from crane_driver.operator.bringup.estimates import (
+    FASTEST_SINKING,
+    JointInstant,
+    Nudge,
+    Rest,
+    Trace,
+)
 from crane_model.errors import CraneError, DataError
 
-OTHERS = 10.0  # movements, by which another joint may be shaken
-FAR = 12.0  # movements, that a triangle takes at least until it turns
-STILL = 0.3  # s without a movement: a joint that stands
+SHAKEN_MOVEMENTS = 10.0  # movements, by which another joint may be shaken
+TRIANGLE_MOVEMENTS = 12.0  # movements, that a triangle takes at least until it turns
+STILL_S = 0.3  # s without a movement: a joint that stands
 MOTION_TIMEOUT_S = 10.0  # until a joint stands, or moves
-SET_BACK = 0.05  # s; stamps go back by less where the driver begins to know when was sampled
+# s; stamps go back by less where the driver begins to know when was sampled
+CLOCK_SET_BACK_S = 0.05
 
 
 class MotionError(CraneError):
@@ -61,8 +67,8 @@ class Mover:
         self.joint, self.rest = joint, rests[joints.index(joint)]
         self.drive, self._joints, self._index = drive, joints, joints.index(joint)
         self._start = np.array([rest.position for rest in rests])
-        self._sinking = SINKING * (np.arange(len(joints)) != self._index)
-        self._allowed = OTHERS * np.array([rest.movement for rest in rests])
+        self._sinking = FASTEST_SINKING * (np.arange(len(joints)) != self._index)
+        self._allowed = SHAKEN_MOVEMENTS * np.array([rest.movement for rest in rests])
         self._allowed[self._index] = travel
         self.samples: list[JointInstant] = []
         self._sent: list[tuple[float, float]] = []
@@ -74,19 +80,17 @@ class Mover:
         before = self.samples[-1:]
         self.samples += tick.samples
         self._watch(before)
-        if before and (leap := before[0].time - self.samples[-1].time) > SET_BACK:
+        if before and (leap := before[0].time - self.samples[-1].time) > CLOCK_SET_BACK_S:
             raise MotionError(  # by that clock commands rise and fall
                 f"the clock of the joint states was set back by {leap:.3g} s; measure again"
             )
 
     @property
     def position(self) -> float:
-        """Where the joint is [rad, m]."""
         return float(self.samples[-1].position[self._index])
 
     @property
     def speed(self) -> float:
-        """Its velocity by the driver [rad/s, m/s]."""
         return float(self.samples[-1].velocity[self._index])
 
     @property
@@ -97,13 +101,12 @@ class Mover:
     def trace(self, first: int) -> Trace:
         """The samples from the one with the number `first` on."""
         samples = self.samples[first:]
-        time = np.array([one.time for one in samples])
+        time = np.array([sample.time for sample in samples])
         sent = np.array([(-np.inf, 0.0), *self._sent])
         command = sent[np.searchsorted(sent[:, 0], time, side="right") - 1, 1]
-        return Trace(time, np.array([one.position[self._index] for one in samples]), command)
+        return Trace(time, np.array([sample.position[self._index] for sample in samples]), command)
 
     def settle(self) -> None:
-        """Neutral until the joint stands."""
         begun = self.samples[-1].time if self.samples else None
         while True:
             self.tick(0.0)
@@ -111,8 +114,12 @@ class Mover:
                 continue
             now = self.samples[-1].time
             begun = now if begun is None else begun
-            recent = [one.position[self._index] for one in self.samples if one.time > now - STILL]
-            if now - begun >= STILL and np.ptp(recent) <= self.rest.movement:
+            recent = [
+                sample.position[self._index]
+                for sample in self.samples
+                if sample.time > now - STILL_S
+            ]
+            if now - begun >= STILL_S and np.ptp(recent) <= self.rest.movement:
                 return
             if now - begun > MOTION_TIMEOUT_S:
                 raise MotionError(
@@ -135,8 +142,8 @@ class Mover:
                 )
             raise MotionError(
                 f"{self._joints[i]} has moved by {moved[i]:+.3g} while {self.joint} was commanded, "
-                f"allowed ±{self._allowed[i]:.3g} and what sinks at {SINKING:g} per second; are "
-                "signals, hoses or plugs exchanged, or does it sink faster?"
+                f"allowed ±{self._allowed[i]:.3g} and what sinks at {FASTEST_SINKING:g} per "
+                "second; are signals, hoses or plugs exchanged, or does it sink faster?"
             )
 
 
@@ -152,11 +159,11 @@ def nudge(mover: Mover, direction: int, rate: float, limit: float) -> Nudge:
         now = mover.samples[-1].time
         command = _within(mover, rate * (now - begun), limit)
         mover.tick(direction * command)
-        sinking = SINKING * (mover.samples[-1].time - now)
+        sinking = FASTEST_SINKING * (mover.samples[-1].time - now)
         start = float(_followed(start, mover.position, sinking))
     moved = mover.position - start
     mover.settle()
-    return Nudge(command=direction * command, moved=moved, way=mover.position - start)
+    return Nudge(command=direction * command, moved=moved, displacement=mover.position - start)
 
 
 def triangle(mover: Mover, direction: int, rate: float, speed: float, limit: float) -> Trace:
@@ -170,11 +177,15 @@ def triangle(mover: Mover, direction: int, rate: float, speed: float, limit: flo
     first, start, begun = len(mover.samples), mover.position, mover.samples[-1].time
     command = 0.0
     while not (
-        direction * mover.speed >= speed and abs(mover.position - start) > FAR * mover.rest.movement
+        direction * mover.speed >= speed
+        and abs(mover.position - start) > TRIANGLE_MOVEMENTS * mover.rest.movement
     ):
         command = _within(mover, rate * (mover.samples[-1].time - begun), limit)
         mover.tick(direction * command)
-        if direction * (moved := mover.position - start) < -FAR * mover.rest.movement:
+        if (
+            direction * (moved := mover.position - start)
+            < -TRIANGLE_MOVEMENTS * mover.rest.movement
+        ):
             raise MotionError(
                 f"{mover.joint} moves against its command: by {moved:+.3g} at "
                 f"{direction * command:+.3g}; find its polarity first: bringup valves"

@@ -7,27 +7,32 @@ import argparse
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
 from sensor_msgs.msg import JointState, Joy
 
+from crane_driver.operator import COMMAND_PERIOD_S, by_hand
 from crane_driver.operator.jog.jog_input import (
     CONTROLS,
     Axis,
+    CommandShape,
+    Demand,
+    JogMotion,
     Joystick,
     Keyboard,
     KeyTerminal,
     NoTerminal,
     Request,
 )
-from crane_driver.operator.jog.motion import CommandShape, Demand, JogMotion
-from crane_driver.operator.jog.screen import Screen, StatusLine
-from crane_driver.operator.wording import COMMAND_PERIOD_S, by_hand
 from crane_interfaces.msg import DriverState, ValveCommand
 from crane_model.cli import command_line, run
 from crane_model.errors import ConfigurationError, CraneError
@@ -35,20 +40,106 @@ from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient, NoDriverError
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.joint_notes import JointNote, load_joint_notes
-from crane_nodes.machine_parameter import MACHINE, declare_machine
-from crane_nodes.managed import Stop, own_arguments, ros, say_ready
-from crane_nodes.names import publishers
+from crane_nodes.managed import Stop, own_arguments, publishers, ros, say_ready
 from crane_nodes.node_time import NodeTime
-from crane_nodes.parameters import NodeParameter, Number, declare
+from crane_nodes.parameters import MACHINE, NodeParameter, Number, declare, declare_machine
 
-# The parameters of jog.
+STATE_STYLES = {"enabled": "bold green", "disabled": "yellow", "offline": "yellow"}
+WRONG_STATE_STYLE = "bold red"  # every other state
+BAR_CHARACTERS = 10  # characters each way
+OTHER_KEYS = (
+    ("1 ... 9", "speed"),
+    ("e  d", "enable, disable"),
+    ("r", "reset a fault"),
+    ("x", "emergency stop"),
+    ("q", "quit"),
+)
 
-MAXIMUM = Number("maximum", 0.3, "1", 0.05, 1.0, "Spool command at step 10, or of a full axis")
+MAXIMUM = Number("maximum", 0.3, "1", 0.05, 1.0, "Valve command at step 10, or of a full axis")
 HOLD = Number("hold", 0.12, "s", 0.05, 0.15, "How long each character of a key holds its joint")
-RISE = Number("rise_time", 0.3, "s", 0.05, 5.0, "From neutral to the maximum")
-FALL = Number("fall_time", 0.03, "s", 0.01, 0.1, "From the maximum to neutral")
+RISE_TIME = Number("rise_time", 0.3, "s", 0.05, 5.0, "From neutral to the maximum")
+FALL_TIME = Number("fall_time", 0.03, "s", 0.01, 0.1, "From the maximum to neutral")
 # Left bumper of a game pad, as `joy_node` of ROS has it.
 DEADMAN = Number("joy.deadman", 4, "1", 0, 63, "Button to be held, counted from 0", whole=True)
+
+REFRESH_PERIOD_S = 0.1  # s, of the display
+JOG_CALLBACKS = 4  # in a period at most, so that commands do not wait
+DRIVER_TIMEOUT_S = 10.0  # for a driver
+LAST_COMMANDS = 5  # neutral ones at the end
+NEWEST_MESSAGE = QoSProfile(depth=1)
+
+
+class StatusLine(NamedTuple):
+    """What the line says."""
+
+    state: str  # of the driver
+    joint: str  # that is commanded, or was last
+    command: float
+    share: float  # of the largest command
+    position: float | None
+    unit: str  # of the position
+    note: str
+
+
+class Screen:
+    """The terminal as a display."""
+
+    def __init__(self, pairs: Mapping[str, tuple[str, str]]):
+        """`pairs`: the keys of each joint, down and up; none where there is a joystick."""
+        self._console = Console(highlight=False)
+        self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False,
+                          redirect_stderr=False)  # fmt: skip
+        self._pairs = pairs
+
+    def __enter__(self) -> Self:
+        if self._pairs:
+            self._console.print("Hold a key to move a joint; let go and it stops.")
+        else:
+            self._console.print("Hold the deadman button and push one axis; let go and it stops.")
+        self._console.print(_keys(self._pairs))
+        self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def say(self, text: str) -> None:
+        self._console.print(text, markup=False)
+
+    def show(self, shown: StatusLine) -> None:
+        self._live.update(_line(shown), refresh=True)
+
+
+def _keys(pairs: Mapping[str, tuple[str, str]]) -> Table:
+    table = Table.grid(padding=(0, 3))
+    joints = [("", Text("-  +", style="bold"))] if pairs else []
+    for joint, (down, up) in pairs.items():
+        joints.append((joint, Text(f"{down}  {up}", style="bold cyan")))
+    others = OTHER_KEYS if pairs else OTHER_KEYS[1:]
+    for row in range(max(len(joints), len(others))):
+        name, keys = joints[row] if row < len(joints) else ("", "")
+        key, meaning = others[row] if row < len(others) else ("", "")
+        cells = (name, keys) if joints else ()
+        table.add_row("", *cells, Text(key, style="bold cyan"), meaning)
+    return table
+
+
+def _line(shown: StatusLine) -> Text:
+    """The most important first: what does not fit is cut off."""
+    line = Text(no_wrap=True, overflow="ellipsis")
+    line.append(
+        f" {shown.state:^14} ", style=f"reverse {STATE_STYLES.get(shown.state, WRONG_STATE_STYLE)}"
+    )
+    line.append(f"  {shown.joint:<10} {shown.command:+.2f} ")
+    filled = min(BAR_CHARACTERS, round(abs(shown.share) * BAR_CHARACTERS))
+    below, above = (filled, 0) if shown.command < 0 else (0, filled)
+    line.append(" " * (BAR_CHARACTERS - below) + "━" * below, style="cyan")
+    line.append("│", style="dim")
+    line.append("━" * above + " " * (BAR_CHARACTERS - above), style="cyan")
+    if shown.position is not None:
+        line.append(f" {shown.position:+.4f} {shown.unit}")
+    line.append(f"  {shown.note}", style="dim")
+    return line
 
 
 class JogParameters(NamedTuple):
@@ -60,13 +151,12 @@ class JogParameters(NamedTuple):
 
     @classmethod
     def of(cls, notes: Mapping[str, JointNote]) -> "JogParameters":
-        """For the joints of a machine."""
         dead_band, axis, sign = {}, {}, {}
         for joint, note in notes.items():
             dead_band[joint] = Number(
                 f"dead_band.{joint}",
                 *(0.05, "1", 0.0, 0.5),
-                f"Spool command that does not move {joint} yet",
+                f"Valve command that does not move {joint} yet",
             )
             axis[joint] = Number(
                 f"joy.axis.{joint}",
@@ -84,14 +174,20 @@ class JogParameters(NamedTuple):
 
     @property
     def all(self) -> tuple[NodeParameter, ...]:
-        """With those that are of no joint."""
         of_joints = (self.dead_band.values(), (DEADMAN,), self.axis.values(), self.sign.values())
-        return (MAXIMUM, HOLD, RISE, FALL, *(one for group in of_joints for one in group))
+        return (
+            MAXIMUM,
+            HOLD,
+            RISE_TIME,
+            FALL_TIME,
+            *(parameter for group in of_joints for parameter in group),
+        )
 
     def shape(self, node: Node) -> CommandShape:
-        """How demands become commands."""
         dead_band = {joint: parameter.read(node) for joint, parameter in self.dead_band.items()}
-        return CommandShape(MAXIMUM.read(node), dead_band, RISE.read(node), FALL.read(node))
+        return CommandShape(
+            MAXIMUM.read(node), dead_band, RISE_TIME.read(node), FALL_TIME.read(node)
+        )
 
     def joystick(self, node: Node) -> Joystick:
         """The joystick; `ConfigurationError` where one axis has two joints."""
@@ -110,13 +206,6 @@ class JogParameters(NamedTuple):
             owners[index] = joint
             axes[joint] = Axis(index, sign)
         return Joystick(int(DEADMAN.read(node)), axes)
-
-
-REFRESH = 0.1  # s, of the display
-CALLBACKS = 4  # in a period at most, so that commands do not wait
-DRIVER_TIMEOUT_S = 10.0  # for a driver
-LAST_COMMANDS = 5  # neutral ones at the end
-NEWEST = QoSProfile(depth=1)
 
 
 class JogError(CraneError):
@@ -139,7 +228,7 @@ class Jog(Node):
         self.motion = JogMotion(self._shape)
         self.keyboard = Keyboard(HOLD.read(self), tuple(self._units))
         self.joystick = parameters.joystick(self) if by_joystick else None
-        self.news: list[str] = []
+        self.messages: list[str] = []
         self._positions: dict[str, float] = {}
         self._commands = dict.fromkeys(self._units, 0.0)
         self._moved = next(iter(self._units))
@@ -150,9 +239,9 @@ class Jog(Node):
         self._faulty = False
         self._worker = KeptExecutor()
         self._worker.add_node(self)
-        self.create_subscription(JointState, "joint_states", self._measured, NEWEST)
+        self.create_subscription(JointState, "joint_states", self._measured, NEWEST_MESSAGE)
         if by_joystick:
-            self.create_subscription(Joy, "joy", self._pushed, NEWEST)
+            self.create_subscription(Joy, "joy", self._pushed, NEWEST_MESSAGE)
 
     def begin(self, stop: Stop) -> None:
         """Wait for the driver and become its publisher of commands; `JogError` if that fails."""
@@ -161,20 +250,18 @@ class Jog(Node):
             self._wait(stop, until, self._driver.problem or "the services of the driver are away")
         if others := publishers(self, "valve_command"):
             raise JogError(f"{', '.join(others)} commands the valves already; stop it first")
-        self._publisher = self.create_publisher(ValveCommand, "valve_command", NEWEST)
+        self._publisher = self.create_publisher(ValveCommand, "valve_command", NEWEST_MESSAGE)
         while not self._publisher.get_subscription_count():
             self._wait(stop, until, "the driver takes no commands: is it active?")
         say_ready(self)
 
     def work(self) -> None:
-        """Take what has come."""
-        for _ in range(CALLBACKS):
+        for _ in range(JOG_CALLBACKS):
             self._worker.spin_once(timeout_sec=0.0)
 
     def command(self, demand: Demand | None) -> None:
-        """Publish the commands of this period."""
         self._commands = self.motion.step(demand, self.clock.now())
-        self._moved = next((one for one in self._units if self._commands[one]), self._moved)
+        self._moved = next((joint for joint in self._units if self._commands[joint]), self._moved)
         message = ValveCommand(name=list(self._commands), command=list(self._commands.values()))
         message.header.stamp = self.clock.stamp()
         if self._publisher:
@@ -197,21 +284,19 @@ class Jog(Node):
             self._publisher = None
 
     def demand(self) -> Demand | None:
-        """What is held now."""
         return (self.joystick or self.keyboard).demand(self.clock.now())
 
     def request(self, request: Request) -> None:
-        """Call a service of the driver; the answer becomes news."""
+        """Call a service of the driver; the answer becomes a message."""
         try:
             futures = self._asked(request)
         except NoDriverError as error:
-            self.news.append(f"{request}: {error}")
+            self.messages.append(f"{request}: {error}")
             return
         for future in futures:
-            future.add_done_callback(lambda one: self._answered(request, one))
+            future.add_done_callback(lambda done: self._answered(request, done))
 
     def shown(self) -> StatusLine:
-        """What there is to be seen."""
         note = self.joystick.problem if self.joystick else f"speed {self.keyboard.step}"
         command = self._commands[self._moved]
         share = command / self._shape.maximum
@@ -241,9 +326,9 @@ class Jog(Node):
     def _answered(self, request: Request, future: Future) -> None:
         answer = future.result()
         if answer and answer.success:
-            self.news.append(f"{request}: {answer.message}")
+            self.messages.append(f"{request}: {answer.message}")
         elif answer:
-            self.news.append(answer.message)
+            self.messages.append(answer.message)
 
     def _measured(self, message: JointState) -> None:
         self._positions = dict(zip(message.name, message.position, strict=True))
@@ -251,7 +336,7 @@ class Jog(Node):
     def _told(self, state: DriverState) -> None:
         faulty = state.state == DriverState.STATE_FAULT
         if faulty and not self._faulty:
-            self.news.append(f"{state.text}: {state.cause}; {state.remedy}")
+            self.messages.append(f"{state.text}: {state.cause}; {state.remedy}")
         self._faulty = faulty
 
     def _pushed(self, message: Joy) -> None:
@@ -298,10 +383,10 @@ def _jog(jog: Jog, terminal: KeyTerminal | NoTerminal, screen: Screen, stop: Sto
         jog.command(jog.demand())
         due = max(due + COMMAND_PERIOD_S, now)
         if now >= refresh:
-            refresh = now + REFRESH
-            for text in jog.news:
+            refresh = now + REFRESH_PERIOD_S
+            for text in jog.messages:
                 screen.say(by_hand(text, controls))
-            jog.news.clear()
+            jog.messages.clear()
             screen.show(jog.shown())
 
 
@@ -315,8 +400,6 @@ def _parser() -> argparse.ArgumentParser:
         "NAME` explains them. Software is no safety stop.",
     )
     parser.add_argument(
-        "--joy",
-        action="store_true",
-        help="by a sensor_msgs/Joy on joy, with a deadman button",
+        "--joy", action="store_true", help="by a sensor_msgs/Joy on joy, with a deadman button"
     )
     return parser

@@ -1,4 +1,4 @@
-"""What the topics tell of the crane, gathered for the page."""
+"""State of the crane, gathered from its topics for the page of the panel."""
 
 import math
 import time
@@ -11,14 +11,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-from crane_driver.operator.wording import by_hand
+from crane_driver.operator import by_hand
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import CylinderPressures, DriverState
 from crane_model.machine import Machine
 from crane_nodes.driver_client import DriverClient
-from crane_nodes.polled import Polled
-
-# What the page shows, as plain content for JSON: SI units, null for what is not known.
+from crane_nodes.executor import Polled
 
 OLDEST_READING_S = 0.5  # what is older is not shown as if it were so now
 SUPPLY, TANK = "supply", "tank"
@@ -31,6 +29,19 @@ BUTTONS = {
 """What the page calls them, by the service of the driver."""
 
 Content = dict[str, Any]
+
+NEWEST_READING = QoSProfile(depth=1)
+WATCH_DEPTH = 10  # messages
+FAULTS_KEPT = 20
+EXPERIMENT_SILENCE_S = 1.0  # feedback comes ten times a second
+ACTION = "run_excitation"
+NONE_YET = "none"  # as the trajectory node says it
+PHASES = {
+    RunExcitation.Feedback.APPROACH: "approach",
+    RunExcitation.Feedback.EXCITATION: "excitation",
+    RunExcitation.Feedback.STOP: "coming to rest",
+}
+LATCHED_STATES = (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP)
 
 
 def plain(content: Any) -> Any:
@@ -67,8 +78,7 @@ class ShownReadings:
         numbers: list[float | None] = plain([float(value) for value in values])
         return numbers
 
-    def strangers(self, known: Sequence[str]) -> list[str]:
-        """Names that came and are not known."""
+    def unknown_joints(self, known: Sequence[str]) -> list[str]:
         return sorted(self._values.keys() - set(known))
 
 
@@ -102,27 +112,13 @@ def pressures(
     """
     if machine.supply is None:
         return None
-    rows = [(one, chambers.of(one, 2, now)) for one in machine.cylinders]
+    rows = [(joint, chambers.of(joint, 2, now)) for joint in machine.cylinders]
     return {
         "highest": machine.supply.relief_pressure,
         "supply": lines.of(SUPPLY, 1, now)[0],
         "tank": lines.of(TANK, 1, now)[0],
         "cylinders": [{"name": name, "a": a, "b": b} for name, (a, b) in rows],
     }
-
-
-NEWEST = QoSProfile(depth=1)
-DEPTH = 10  # messages
-FAULTS_KEPT = 20
-EXPERIMENT_SILENCE_S = 1.0  # feedback comes ten times a second
-ACTION = "run_excitation"
-NONE_YET = "none"  # as the trajectory node says it
-PHASES = {
-    RunExcitation.Feedback.APPROACH: "approach",
-    RunExcitation.Feedback.EXCITATION: "excitation",
-    RunExcitation.Feedback.STOP: "coming to rest",
-}
-LATCHED_STATES = (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP)
 
 
 class CraneWatch:
@@ -134,20 +130,22 @@ class CraneWatch:
         self._machine, self._namespace = machine, node.get_namespace()
         self._positions = ShownReadings()
         self._chambers, self._lines = ShownReadings(), ShownReadings()
-        self._joint_topic = Polled(node, JointState, "joint_states", NEWEST)
-        self._pressure_topic = Polled(node, CylinderPressures, "cylinder_pressures", NEWEST)
+        self._joint_topic = Polled(node, JointState, "joint_states", NEWEST_READING)
+        self._pressure_topic = Polled(node, CylinderPressures, "cylinder_pressures", NEWEST_READING)
         self._known = (DriverState.STATE_UNKNOWN, DriverState.FAULT_NONE, "")
         self._feedback: Any = None
         self._fed = 0.0
         self._last = ""  # how the last experiment ended
         self._status_name = f"{node.get_namespace()}/trajectory: experiment".lstrip("/")
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, WATCH_DEPTH)
         node.create_subscription(
-            RunExcitation.Impl.FeedbackMessage, f"{ACTION}/_action/feedback", self._fed_back, DEPTH
+            RunExcitation.Impl.FeedbackMessage,
+            f"{ACTION}/_action/feedback",
+            self._fed_back,
+            WATCH_DEPTH,
         )
 
     def picture(self) -> Content:
-        """All that the page shows of the crane."""
         now = time.monotonic()
         self._take(now)
         state = self.driver.state
@@ -164,7 +162,7 @@ class CraneWatch:
                 "last_refusal": state.last_refusal,
             },
             "joints": joints(self._machine, self._positions, now),
-            "strangers": self._positions.strangers(self._machine.joint_names),
+            "unknown_joints": self._positions.unknown_joints(self._machine.joint_names),
             "pressures": pressures(self._machine, self._chambers, self._lines, now),
             "faults": list(self.faults),
             "experiment": self._experiment(now),

@@ -15,23 +15,20 @@ from rclpy.node import Node
 
 from crane_driver.operator.panel.crane_watch import Content, CraneWatch, plain, wall_clock
 from crane_driver.operator.panel.pages import (
-    STOP,
+    STOP_REQUEST,
     Arming,
     Asking,
     DriverAnswer,
     Page,
     Pages,
+    Socket,
+    listen,
     new_token,
 )
-from crane_driver.operator.panel.web import Socket, listen
 from crane_model.cli import run
 from crane_nodes.executor import KeptExecutor
-from crane_nodes.machine_parameter import MACHINE, declare_machine
-from crane_nodes.managed import Stop, check_arguments, ros, say_ready
-from crane_nodes.names import full_name
-from crane_nodes.parameters import Number, Text, declare
-
-# The parameters of the panel.
+from crane_nodes.managed import Stop, check_arguments, full_name, ros, say_ready
+from crane_nodes.parameters import MACHINE, Number, Text, declare, declare_machine
 
 ADDRESS = Text(
     "address",
@@ -53,11 +50,15 @@ PARAMETERS = (ADDRESS, PORT, NAMES)
 
 WORK_PERIOD_S = 0.02
 PICTURE_PERIOD_S = 0.1
-REPORT_PERIOD_S = 1.0
-CALLBACKS = 8  # in a period at most, so that pages do not wait
+PAGES_REPORT_PERIOD_S = 1.0
+PANEL_CALLBACKS = 8  # in a period at most, so that pages do not wait
 GOING_AWAY, TRY_AGAIN_LATER = 1001, 1013  # of RFC 6455, and of IANA
 GOODBYE_S = 1.0  # for the answers of all pages
 REFUSALS_PERIOD_S = 10.0  # in the log: a page that is refused asks again every second
+
+ABOUT_PANEL = """A page for the operator, in a browser: state, joints, pressures, faults, progress,
+and the buttons stop, enable, disable and reset. All but stop need the token that is printed here.
+It moves nothing. Software is no safety stop."""
 
 
 class OperatorPanel(Node):
@@ -92,7 +93,6 @@ class OperatorPanel(Node):
         return line
 
     def closed(self, line: "_PageLine", why: str) -> None:
-        """The page of a line is gone."""
         if lost := self.pages.closed(line.page, wall_clock(), why):
             self._lines.remove(line)
             self.get_logger().warning(f"{lost}; {self.pages.count} open")
@@ -100,20 +100,19 @@ class OperatorPanel(Node):
 
     async def stopped(self, address: str) -> Content:
         """A page without a line, as one that was refused, has pressed stop: the answer."""
-        self.get_logger().info(f"{STOP}: asked by a page without a line from {address}")
+        self.get_logger().info(f"{STOP_REQUEST}: asked by a page without a line from {address}")
         answer: Content = plain((await self.asking.stop())._asdict())
         return answer
 
     def work(self) -> None:
-        """Take what has come from ROS; tell pages and /diagnostics what is due."""
-        for _ in range(CALLBACKS):
+        for _ in range(PANEL_CALLBACKS):
             self._worker.spin_once(timeout_sec=0.0)
         now = time.monotonic()
         if now >= self._picture_due:
             self._picture_due = now + PICTURE_PERIOD_S
             self._show(now)
         if now >= self._report_due:
-            self._report_due = now + REPORT_PERIOD_S
+            self._report_due = now + PAGES_REPORT_PERIOD_S
             self._report()
 
     async def end(self) -> None:
@@ -129,7 +128,7 @@ class OperatorPanel(Node):
 
     def _show(self, now: float) -> None:
         silent = self.pages.silent(now)
-        for line in [one for one in self._lines if one.page in silent]:
+        for line in [line for line in self._lines if line.page in silent]:
             line.hang_up("it does not show any more what it is sent")
         if self._lines:
             picture = self._watch.picture() | {"lost_page": str(self.pages.lost or "")}
@@ -178,20 +177,16 @@ class _PageLine:
                 self.hang_up("it said what no page of this panel says")
 
     def ended(self, why: str) -> None:
-        """The page is gone."""
         self._panel.closed(self, why)
 
     def hang_up(self, why: str, code: int = 1008) -> None:
-        """End it from here."""
         self._socket.close(code, why)
         self.ended(why)
 
     async def gone(self) -> None:
-        """Once the page has answered that its line is ended."""
         await self._socket.gone.wait()
 
     def show(self, picture: Content) -> None:
-        """Send a picture of the crane."""
         self._socket.tell({"picture": picture, "armed": self.page.armed})
 
     def _arm(self, token: str) -> None:
@@ -208,7 +203,7 @@ class _PageLine:
         self._socket.tell({"armed": self.page.armed, "refusal": refusal})
 
     def _request(self, name: str) -> None:
-        if name != STOP and not self.page.armed:
+        if name != STOP_REQUEST and not self.page.armed:
             refusal = "this page is not armed; give it the token first"
             self._answered(DriverAnswer(name, False, refusal))
             return
@@ -219,15 +214,10 @@ class _PageLine:
         self._socket.tell(plain(answer._asdict()))
 
 
-ABOUT = """A page for the operator, in a browser: state, joints, pressures, faults, progress, and
-the buttons stop, enable, disable and reset. All but stop need the token that is printed here. It
-moves nothing. Software is no safety stop."""
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve the page until a signal ends it."""
     argv = sys.argv[1:] if argv is None else argv
-    check_arguments("panel", ABOUT, (MACHINE, *PARAMETERS), argv)
+    check_arguments("panel", ABOUT_PANEL, (MACHINE, *PARAMETERS), argv)
     return run(lambda: _run(argv))
 
 

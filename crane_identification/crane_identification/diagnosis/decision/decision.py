@@ -6,32 +6,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.chance import by_chance
-from crane_identification.diagnosis.decision.cross_validation import helps
-from crane_identification.diagnosis.decision.drawing import (
-    beside_drawn,
+from crane_identification.diagnosis.decision.judgement import (
+    Beyond,
+    Judged,
+    Reason,
+    Rejection,
+    all_judged,
+    by_chance,
+    helps,
+    likeness,
+    simplest,
+)
+from crane_identification.diagnosis.decision.lookalikes import of_one_form, with_strange
+from crane_identification.diagnosis.decision.several import (
+    as_kinds,
+    best_pair,
+    gain_of_few,
+    on_several_joints,
+    smallest,
+)
+from crane_identification.diagnosis.decision.signatures import (
+    as_drawn,
     best_beside,
+    covered,
     is_drawn,
     judged_beside,
+    of_better_signature,
     start_beside,
 )
-from crane_identification.diagnosis.decision.factors import best_pair, gain_of_few, smallest
-from crane_identification.diagnosis.decision.form import of_one_form
-from crane_identification.diagnosis.decision.judgement import Judged, all_judged
-from crane_identification.diagnosis.decision.likeness import likeness, simplest
-from crane_identification.diagnosis.decision.of_lengths import without_those_of_lengths
-from crane_identification.diagnosis.decision.several import as_kinds, on_several_joints
-from crane_identification.diagnosis.decision.shape import (
-    as_drawn,
-    covered,
-    of_better_signature,
-)
-from crane_identification.diagnosis.decision.strange import with_strange
 from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.lengths import beside_lengths
-from crane_identification.diagnosis.search.race import LARGEST_SET, Race
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
+from crane_identification.diagnosis.search.projection import NOTHING, Subset, solve
+from crane_identification.diagnosis.search.search import Search, beside_lengths
+from crane_identification.diagnosis.search.selection import LARGEST_SET, ForwardSelection
 from crane_identification.thresholds import Thresholds
 
 
@@ -40,71 +46,72 @@ class Decision:
     """The effects that the data ask for, strongest first, and the `threshold` of the first one.
 
     Where there are none, `nearest` is the best of the catalogue, if one has the right sign, and
-    `objection` says which test it does not pass. `beyond` is what the catalogue does not hold, in
-    words: forces of no effect, and what is no chance though a test refuses its name.
+    `rejections` are the tests that it does not pass. `beyond` is what the catalogue does not hold.
     """
 
     passed: tuple[Judged, ...]
     threshold: float
     nearest: tuple[Judged, ...]
-    objection: str
-    beyond: tuple[str, ...]
+    rejections: tuple[Rejection, ...]
+    beyond: tuple[Beyond, ...]
 
 
-def decide(race: Race, thresholds: Thresholds) -> Decision:
+def decide(selection: ForwardSelection, thresholds: Thresholds) -> Decision:
     """The largest set all of whose effects pass, beside those that several joints lack at once or,
     where the force of a joint is scaled, beside lengths that are not those of the file.
     """
-    _, first_threshold = by_chance(race.search, NOTHING, thresholds)
-    passed = settled = _together(race, first_threshold, thresholds)
+    _, first_threshold = by_chance(selection.search, NOTHING, thresholds)
+    passed = settled = _together(selection, first_threshold, thresholds)
     first: _Weighed | None = None
-    for one in _growing(race, settled, first_threshold, thresholds):
+    for one in _growing(selection, settled, first_threshold, thresholds):
         first = first or one
-        if one.objection:
+        if one.rejections:
             continue
         passed = one.found
         if not settled and any(_scales(each) for each in passed):
-            passed = _beside_lengths(race, passed, first_threshold, thresholds)
+            passed = _beside_lengths(selection, passed, first_threshold, thresholds)
             break
-    passed = beside_drawn(as_drawn(race, passed, thresholds))
-    if start_beside(race, passed):
-        passed = _largest(_growing(race, passed, first_threshold, thresholds), passed)
-    if not settled:
-        passed = without_those_of_lengths(race.search, passed, thresholds)
-    passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)
+    passed = as_drawn(selection, passed, thresholds)
+    if start_beside(selection, passed):
+        passed = _largest(_growing(selection, passed, first_threshold, thresholds), passed)
+    passed, beyond = with_strange(selection.search, passed, first_threshold, thresholds)
     passed = tuple(sorted(passed, key=lambda one: -one.score))
     if settled or first is None:
-        return Decision(passed, first_threshold, (), "", beyond)
-    if first.objection and all(_shows(one, thresholds) for one in first.found):
+        return Decision(passed, first_threshold, (), (), beyond)
+    if first.rejections and all(_shows(one, thresholds) for one in first.found):
         beyond = (_refused(first), *beyond)
-    return Decision(passed, first_threshold, first.found, first.objection, beyond)
+    return Decision(passed, first_threshold, first.found, first.rejections, beyond)
 
 
 class _Weighed(NamedTuple):
-    """Effects that were weighed together, and the `objection` of a test; empty where all pass."""
+    """Effects that were weighed together, and the tests that they do not pass."""
 
     found: tuple[Judged, ...]
-    objection: str = ""
+    rejections: tuple[Rejection, ...] = ()
 
 
 def _growing(
-    race: Race, settled: tuple[Judged, ...], threshold: float, thresholds: Thresholds
+    selection: ForwardSelection,
+    settled: tuple[Judged, ...],
+    threshold: float,
+    thresholds: Thresholds,
 ) -> Iterator[_Weighed]:
-    """The best set of one more effect than the `settled` ones, with which the race begins, of two
-    more, and so on. What does not pass is refused, and the best set without it weighed, until none
+    """Yield the best set of one effect more than the `settled` ones, then of two more, and so on.
+
+    Effects that do not pass are refused, and the best set without them is weighed, until no set
     gains more than chance.
     """
     known, passed = len(settled), settled
     while len(passed) < known + LARGEST_SET:
         size = len(passed) + 1
-        best = best_beside(race, size, settled)
+        best = best_beside(selection, size, settled)
         if best is None:
             return
-        yield (weighed := _weighed(race.search, best, settled, threshold, thresholds))
-        if not weighed.objection:
+        yield (weighed := _weighed(selection.search, best, settled, threshold, thresholds))
+        if not weighed.rejections:
             passed = weighed.found
-        elif best.gain - race.sets(size - 1)[0].gain > threshold:
-            race.refuse(size, _new(race.search, best, passed, thresholds))
+        elif best.gain - selection.sets(size - 1)[0].gain > threshold:
+            selection.refuse(size, _new(selection.search, best, passed, thresholds))
         else:
             return
 
@@ -142,35 +149,38 @@ def _weighed(
     subset = smallest(search, subset, threshold)
     several = len(subset.numbers) > 1
     if several and of_one_form(search, subset, threshold, thresholds, known):
-        return _Weighed((), "one of them is but the form of another one")
+        return _Weighed((), (Rejection(Reason.FORM),))
     subset, strange = of_better_signature(search, subset, thresholds, known)
     if several and covered(search, subset, thresholds, known):
-        return _Weighed((), "some shape of one of them explains another one")
+        return _Weighed((), (Rejection(Reason.CURVE),))
     found = judged_beside(search, subset, settled, thresholds)
     asked = [
         one for k, one in enumerate(found) if k >= known or not (_scales(one) or is_drawn(one))
     ]
-    wrong = [said for one in asked if (said := objection(one, thresholds))] or strange
+    wrong = [why for one in asked if (why := objection(one, thresholds))] or strange
     weakest = min(found[known:], key=lambda one: one.score)
     if not wrong and several and _vague(weakest, thresholds):
-        wrong = [f"others that look different are as good as {weakest.shaped.candidate.label}"]
-    return _Weighed(tuple(found), "; ".join(wrong))
+        wrong = [Rejection(Reason.RIVALS, about=(weakest.shaped.candidate.label,))]
+    return _Weighed(tuple(found), tuple(wrong))
 
 
-def _refused(one: _Weighed) -> str:
-    """What is no chance, but no name either, in words."""
-    names = ", ".join(each.shaped.candidate.label for each in one.found)
-    return f"{names} explains more than chance does, but {one.objection}"
+def _refused(one: _Weighed) -> Beyond:
+    """What is not chance, but may not be named either."""
+    labels = tuple(each.shaped.candidate.label for each in one.found)
+    return Beyond(effects=labels, rejections=one.rejections)
 
 
 def _largest(growing: Iterable[_Weighed], settled: tuple[Judged, ...]) -> tuple[Judged, ...]:
     """The last of these that pass, or what is `settled`."""
-    passed = [one.found for one in growing if not one.objection]
+    passed = [one.found for one in growing if not one.rejections]
     return passed[-1] if passed else settled
 
 
 def _beside_lengths(
-    race: Race, passed: tuple[Judged, ...], threshold: float, thresholds: Thresholds
+    selection: ForwardSelection,
+    passed: tuple[Judged, ...],
+    threshold: float,
+    thresholds: Thresholds,
 ) -> tuple[Judged, ...]:
     """What passes beside lengths of all links and the scales of two joints' forces, which stand for
     those of all; these as well, as far as they pass. If nothing does, what passes beside lengths of
@@ -180,25 +190,27 @@ def _beside_lengths(
     others leave blurs a further effect, and may be taken for it. Whether each scale is sure, and
     which they are, is nothing to a further effect.
     """
-    search = race.search = beside_lengths(race.search)
+    search = selection.search = beside_lengths(selection.search)
     numbers = tuple(search.number(one.shaped) for one in passed if _scales(one))
     scales = max(
         best_pair(search), solve(search.projection, numbers) or NOTHING, key=lambda one: one.gain
     )
     scales = smallest(search, scales, threshold)
-    race.go_on_from(scales)
-    settled = tuple(all_judged(race.search, scales, thresholds))
-    found = _largest(_growing(race, settled, threshold, thresholds), settled)
+    selection.go_on_from(scales)
+    settled = tuple(all_judged(selection.search, scales, thresholds))
+    found = _largest(_growing(selection, settled, threshold, thresholds), settled)
     if len(found) == len(settled):
-        race.go_on_from(NOTHING)
-        other = _largest(_growing(race, (), threshold, thresholds), ())
-        numbers = tuple(race.search.number(one.shaped) for one in other)
-        together = (solve(race.search.projection, numbers) if numbers else None) or NOTHING
+        selection.go_on_from(NOTHING)
+        other = _largest(_growing(selection, (), threshold, thresholds), ())
+        numbers = tuple(selection.search.number(one.shaped) for one in other)
+        together = (solve(selection.search.projection, numbers) if numbers else None) or NOTHING
         found = other if together.gain - scales.gain > threshold else found
-    return _sure(race, found, thresholds) or passed
+    return _sure(selection, found, thresholds) or passed
 
 
-def _sure(race: Race, found: tuple[Judged, ...], thresholds: Thresholds) -> tuple[Judged, ...]:
+def _sure(
+    selection: ForwardSelection, found: tuple[Judged, ...], thresholds: Thresholds
+) -> tuple[Judged, ...]:
     """The effects without scales that do not pass, and without the weaker one of two where one of
     them cannot be told from what is no scale; judged without them.
     """
@@ -208,9 +220,9 @@ def _sure(race: Race, found: tuple[Judged, ...], thresholds: Thresholds) -> tupl
     left = [one for one in found if not any(one is other for other in out)]
     if len(left) == len(found) or not left:
         return tuple(left)
-    numbers = tuple(race.search.number(one.shaped) for one in left)
-    race.go_on_from(solve(race.search.projection, numbers) or NOTHING)
-    return tuple(all_judged(race.search, race.search.sets[-1][0], thresholds))
+    numbers = tuple(selection.search.number(one.shaped) for one in left)
+    selection.go_on_from(solve(selection.search.projection, numbers) or NOTHING)
+    return tuple(all_judged(selection.search, selection.search.sets[-1][0], thresholds))
 
 
 def _mistakable(one: Judged) -> bool:
@@ -223,46 +235,43 @@ def _scales(one: Judged) -> bool:
     return one.shaped.candidate.effect.formless
 
 
-def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Judged, ...]:
-    """What several joints lack at once, each of it judged beside the rest; the race goes on there.
+def _together(
+    selection: ForwardSelection, threshold: float, thresholds: Thresholds
+) -> tuple[Judged, ...]:
+    """What several joints lack at once, each judged beside the rest; the selection goes on there.
 
     None where one effect, or what scales the forces of two joints, explains about as much: what it
-    leaves is for the race.
+    leaves is for the selection.
     """
-    search = race.search
+    search = selection.search
     subset = on_several_joints(search, threshold, thresholds)
     if subset.gain - gain_of_few(search) <= thresholds.method.further_share * subset.gain:
         return ()
     while subset.numbers:
-        race.go_on_from(subset)
-        found = all_judged(race.search, subset, thresholds)
-        found = as_kinds(race.search, found, len(found), thresholds)
+        selection.go_on_from(subset)
+        found = all_judged(selection.search, subset, thresholds)
+        found = as_kinds(selection.search, found, len(found), thresholds)
         left = [one for one in found if not objection(one, thresholds)]
         if len(left) == len(found):
             return tuple(found)
         numbers = tuple(search.number(one.shaped) for one in left)
         subset = (solve(search.projection, numbers) or NOTHING) if numbers else NOTHING
-    race.go_on_from(NOTHING)
+    selection.go_on_from(NOTHING)
     return ()
 
 
-def objection(one: Judged, thresholds: Thresholds) -> str:
-    """Which test an effect does not pass; empty if it passes all."""
+def objection(one: Judged, thresholds: Thresholds) -> Rejection | None:
+    """Which test an effect does not pass; None if it passes all."""
     if one.score <= one.threshold:
-        return f"its score is {one.score:.0f}, and {one.threshold:.0f} is asked for"
+        return Rejection(Reason.SCORE, one.score, one.threshold)
     scales = _scales(one)  # what is usual of it says its value
-    if one.strength < thresholds.gates.smallest_strength and not scales:
-        return (
-            f"it is {one.strength:.2g} of the drive force, where the errors of the processing "
-            f"itself reach {thresholds.gates.smallest_strength:.2g}"
-        )
+    least = thresholds.gates.smallest_strength
+    if one.strength < least and not scales:
+        return Rejection(Reason.STRENGTH, one.strength, least)
     if not helps(one.held_out, thresholds):
         asked = one.held_out[np.isfinite(one.held_out)]
-        return (
-            f"it improves the prediction of {int((asked > 0.0).sum())} of the "
-            f"{len(one.held_out)} parts that it was not fitted to"
-        )
-    return ""
+        return Rejection(Reason.HELD_OUT, int((asked > 0.0).sum()), len(one.held_out))
+    return None
 
 
 def _shows(one: Judged, thresholds: Thresholds) -> bool:

@@ -1,34 +1,360 @@
 """An effect weighed against chance, held-out recordings and others in its place."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.chance import by_chance
-from crane_identification.diagnosis.decision.cross_validation import (
-    Folds,
-    folds,
-    folds_of,
-    held_out_gains,
-)
-from crane_identification.diagnosis.decision.likeness import (
-    freedom,
-    in_place_of,
-    likeness,
-    same_as,
-    same_effect,
-    without,
-)
+from crane_identification.diagnosis.fit.evidence import Evidence, beside, leading
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.energy import strength, unexplained_beside
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import Subset
+from crane_identification.diagnosis.search.projection import (
+    NOTHING,
+    Projection,
+    Subset,
+    Whitener,
+    constrained,
+    extended,
+    solve,
+)
+from crane_identification.diagnosis.search.search import Search, strength, unexplained_beside
+from crane_identification.diagnosis.search.selection import others
 from crane_identification.thresholds import Thresholds
+
+# What chance alone explains, and the score that an effect therefore needs.
+
+REPLICATES = 500
+SEED = 20250101
+
+
+def null_gains(
+    projection: Projection, numbers: Sequence[int], replicates: int = REPLICATES
+) -> np.ndarray:
+    """(replicates,) largest gain of any candidate beside those with these numbers, from noise.
+
+    Parametric bootstrap: the noise of whitened rows is white, so that the inner products with the
+    columns are jointly normal with their Gram matrix as covariance, and need no rows at all.
+    """
+    columns_of = projection.columns_of
+    inside = [int(c) for i in numbers for c in columns_of[i]]
+    rng = np.random.default_rng(SEED)
+    score = projection.root @ rng.standard_normal((len(projection.gram), replicates))
+    gram = projection.gram
+    if inside:
+        mixed = np.linalg.solve(gram[np.ix_(inside, inside)], gram[inside])
+        score, gram = score - mixed.T @ score[inside], gram - gram[:, inside] @ mixed
+    size = np.diag(gram)
+    seen = size > 1e-6
+    allowed = seen[:, None] & (~projection.positive[:, None] | (score > 0.0))
+    gains = np.where(allowed, score**2 / np.where(seen, size, 1.0)[:, None], 0.0)
+    # Of several parameters, what all gain together; of those with signs at most, and at most the
+    # sum of their parts, since alike columns only take from each other.
+    totals = np.zeros((len(projection.candidates), replicates))
+    np.add.at(totals, projection.owner, gains)
+    for count, (several, columns) in projection.by_count.items():
+        if count > 1:
+            blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
+            inverse = np.linalg.pinv(blocks, rcond=1e-9, hermitian=True)
+            own = score[columns]
+            free = np.einsum("mkr,mkr->mr", own, inverse @ own)
+            signed = projection.positive[columns].all(axis=1)[:, np.newaxis]
+            totals[several] = np.where(signed, np.minimum(totals[several], free), free)
+    return totals.max(axis=0)
+
+
+def by_chance(search: Search, before: Subset, thresholds: Thresholds) -> tuple[np.ndarray, float]:
+    """The gains (replicates,) that chance adds to a set, and the gain asked of an effect there."""
+    null = null_gains(search.projection, before.numbers)
+    level = 1.0 - thresholds.method.false_alarm_rate / 2.0
+    return null, thresholds.gates.score_factor * float(np.quantile(null, level))
+
+
+# Whether an effect improves the prediction of recordings that it was not fitted to. Only recordings
+# in which it acts count: elsewhere, chance alone decides.
+
+FEWEST_BAGS = 4  # with fewer, blocks of time take their place
+TIME_BLOCKS = 6
+HELD_SHARE = 0.2
+"""Share of a direction's norm that the other folds must hold to determine its coefficient: the
+noise that the fold is predicted with because of it is then five times that of a row at most."""
+TINY = np.finfo(float).tiny
+ROUNDING_SHARE = 1e-6  # share of a column's norm beside the others, below which it is one of them
+ACTING_SHARE = 0.1
+"""Share of what a recording would have of the energy of an effect if all had the same, from which
+on it acts there."""
+FEWEST_ACTING = 3  # recordings in which an effect acts; with fewer, blocks of time take their place
+FEWEST_OCCASIONS = 2  # on which it acts there, as into an end and out: what happens once is no law
+QUIET_SHARE = 0.01  # of the largest energy of a row: below it, an occasion has ended
+
+
+class Folds(NamedTuple):
+    """The fold (n,) of each row, -1 where it is in none, and the names of the folds."""
+
+    fold: np.ndarray
+    names: tuple[str, ...]
+
+
+def folds(evidence: Evidence) -> Folds:
+    """Recordings, or blocks of time."""
+    names = list(dict.fromkeys(run.source for run in evidence.runs))
+    if len(names) >= FEWEST_BAGS:
+        return Folds(evidence.bag, tuple(names))
+    order = np.arange(len(evidence.time))
+    return _blocks(order * TIME_BLOCKS // len(order), TIME_BLOCKS)
+
+
+def folds_of(evidence: Evidence, whitener: Whitener, force: np.ndarray) -> Folds:
+    """Those in which an effect of this `force` (n, c) acts: recordings or, of too few of these,
+    blocks of time within them, each with as much of its energy. All where it acts but once.
+    """
+    every = folds(evidence)
+    if len(evidence.sources) < FEWEST_BAGS:
+        return every
+    power = np.bincount(whitener.row, whitener(force) ** 2, len(force))
+    share = np.bincount(evidence.bag, power, len(every.names)) / max(power.sum(), TINY)
+    acting = share * len(every.names) > ACTING_SHARE
+    if acting.sum() >= FEWEST_ACTING:
+        number = np.where(acting, np.cumsum(acting) - 1, -1)
+        names = (name for name, there in zip(every.names, acting, strict=True) if there)
+        return Folds(number[evidence.bag], tuple(names))
+    there = acting[evidence.bag] & (power > QUIET_SHARE * power.max())
+    begins = there & ~np.concatenate([[False], there[:-1] & (np.diff(evidence.run) == 0)])
+    if begins.sum() < FEWEST_OCCASIONS:
+        return every
+    energy = power[there]
+    share = (np.cumsum(energy) - energy / 2.0) / energy.sum()
+    used, number = np.unique((share * TIME_BLOCKS).astype(int), return_inverse=True)
+    block = np.full(len(power), -1)
+    block[there] = number
+    return _blocks(block, len(used)) if len(used) >= FEWEST_ACTING else every
+
+
+def _blocks(block: np.ndarray, count: int) -> Folds:
+    return Folds(block, tuple(f"block {i + 1} of {count}" for i in range(count)))
+
+
+def held_out_gains(
+    evidence: Evidence,
+    whitener: Whitener,
+    before: np.ndarray,
+    added: np.ndarray,
+    asked: Folds | None = None,
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """2 dlogL of each fold that is `asked`, of all if none is given, that the columns `added`
+    (n, j, k) gain beside `before`.
+
+    NaN for a fold without which the others do not tell the columns from those before.
+    """
+    fold, names = asked or folds(evidence)
+    label = fold[whitener.row]
+    old, new, force = whitener(before), whitener(added), whitener(evidence.left)
+    known = leading(old, old.shape[1])
+    return np.array([_gain(known, new, force, label == i) for i in range(len(names))]), names
+
+
+def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
+    """What the whitened columns `added` (N, k) gain on the rows `out` (N,), fitted to the others.
+
+    NaN where the others do not determine them. Directions of `before` (N, d) that the others do not
+    determine, as a nuisance of one recording, are taken out of both sides, with and without the
+    columns: nothing predicts them. So are columns that are in those rows alone, as a load which no
+    other recording carries: the rest is predicted better where the others have theirs.
+    """
+    return _gain(leading(before, before.shape[1]), added, force, out)
+
+
+def _gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
+    """The same beside the orthonormal columns `known` (N, d)."""
+    alone = ~added[~out].any(axis=0) & added[out].any(axis=0)
+    private, added = added[:, alone], added[:, ~alone]
+    rest = beside(known, added)
+    own = np.linalg.norm(rest, axis=0) > ROUNDING_SHARE * np.linalg.norm(added, axis=0)
+    new = leading(rest[:, own], added.shape[1])
+    # Orthonormal columns keep their principal directions on any rows and on the others.
+    power, directions = np.linalg.eigh(known[~out].T @ known[~out])
+    turned = known @ directions
+    determined = power >= HELD_SHARE**2
+    held = turned[:, determined]
+    lost = np.concatenate([turned[:, ~determined], private], axis=1)
+    both = np.concatenate([held, new, force[:, np.newaxis]], axis=1)
+    inside, outside = (
+        beside(leading(lost[rows], lost.shape[1]), both[rows]) if lost.shape[1] else both[rows]
+        for rows in (~out, out)
+    )
+    k = held.shape[1]
+    basis = inside[:, :k] / np.sqrt(power[determined])
+    left = beside(basis, inside[:, k:-1])
+    if np.linalg.svd(left, compute_uv=False).min(initial=1.0) < HELD_SHARE or not own.any():
+        return np.nan
+    costs = [_left(inside, outside, count) for count in (k, k + new.shape[1])]
+    return costs[0] - costs[1]
+
+
+def _left(inside: np.ndarray, outside: np.ndarray, count: int) -> float:
+    """Sum of squares of the last column outside that its fit by the first `count` inside leaves.
+
+    Those are far from combinations of each other.
+    """
+    gram = inside[:, :count].T @ inside[:, :count]
+    values = np.linalg.solve(gram, inside[:, :count].T @ inside[:, -1])
+    return float(((outside[:, -1] - outside[:, :count] @ values) ** 2).sum())
+
+
+def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
+    """Whether an effect improves the prediction of recordings that it was not fitted to.
+
+    In all folds (NaN: not asked) but a few; of four and more, one may differ in something else.
+    Folds are counted: how much one of them gains or loses decides nothing.
+    """
+    asked, method = gains[np.isfinite(gains)], thresholds.method
+    failed = int((asked <= 0.0).sum())
+    allowed = max(
+        (1.0 - method.folds_share) * len(asked), float(len(asked) >= method.folds_to_fail)
+    )
+    return 2 * len(asked) > len(gains) and failed <= allowed
+
+
+# Others in the place of an effect: which explain as much, and how alike they are.
+
+
+def without(search: Search, subset: Subset, place: int) -> Subset:
+    """The set without one of its effects."""
+    rest = others(subset, place)
+    return (solve(search.projection, rest) or NOTHING) if rest else NOTHING
+
+
+def in_place_of(search: Search, subset: Subset, place: int) -> list[Subset]:
+    """The set with each other candidate in the place of one of its effects, best first."""
+    projection = search.projection
+    candidate = projection.candidates[subset.numbers[place]].candidate
+    replaced = extended(projection, without(search, subset, place))
+    ranked = sorted(replaced, key=lambda one: -one.gain)
+    return [one for one in ranked if projection.candidates[one.numbers[-1]].candidate != candidate]
+
+
+def freedom(search: Search, number: int) -> int:
+    """Number of parameters of a candidate, shapes included, and one for what the model lacks."""
+    shaped = search.projection.candidates[number]
+    return len(shaped.positive) + len(shaped.candidate.shapes) + (not shaped.candidate.changes)
+
+
+def same_effect(one: Candidate, other: Candidate) -> bool:
+    """Whether both are laws of the same effect, on the same joint."""
+    return one.joint == other.joint and other.type in one.effect.kin
+
+
+def likeness(search: Search, one: int, other: int) -> float:
+    """Cosine of the angle by which what one candidate explains lies outside the other, beside the
+    base: of the one with fewer columns the worst of them, as far as the signs of parameters let the
+    other one follow it.
+    """
+    projection = search.projection
+    a, b = projection.columns_of[one], projection.columns_of[other]
+    gram, free = projection.gram, ~projection.positive
+    if len(a) > 1 and len(b) > 1 and free[a].all() and free[b].all():
+        roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
+        mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)
+        return float(np.linalg.svd(mixed, compute_uv=False).min())
+    pairs = [(few, many) for few, many in ((a, b), (b, a)) if len(few) <= len(many)]
+    return min(
+        max(_followed(projection, sign, column, many) for sign in _signs(free[column]))
+        for few, many in pairs
+        for column in few
+    )
+
+
+def _signs(free: bool) -> tuple[float, ...]:
+    """Signs that a parameter may have."""
+    return (1.0, -1.0) if free else (1.0,)
+
+
+def _followed(projection: Projection, sign: float, column: int, others: np.ndarray) -> float:
+    """Cosine between a column of that sign and the nearest force that others can have."""
+    inner = sign * projection.gram[others, column]
+    block = projection.gram[np.ix_(others, others)]
+    values = constrained(block, inner, projection.positive[others])
+    return 0.0 if values is None else float(np.sqrt(max(values @ inner, 0.0)))
+
+
+def simplest(
+    search: Search, subset: Subset, thresholds: Thresholds, threshold: float, settled: int = 0
+) -> Subset:
+    """The set with effects replaced by simpler ones that they are no better than. The first ones,
+    `settled`, stay.
+
+    Presliding over no way and a Stribeck curve without end are Coulomb friction.
+    """
+    method = thresholds.method
+    for place in range(settled, len(subset.numbers)):
+        own, swaps = subset.numbers[place], in_place_of(search, subset, place)
+        needed = max(threshold, method.lead_share * unexplained_beside(search, subset, place))
+        for swapped in swaps:
+            other = swapped.numbers[-1]
+            if subset.gain - swapped.gain > needed:
+                break
+            simpler = freedom(search, other) < freedom(search, own)
+            if simpler and likeness(search, own, other) > method.form_correlation:
+                order = (*subset.numbers[:place], other, *subset.numbers[place + 1 :])
+                subset = solve(search.projection, order) or subset
+                break
+    return subset
+
 
 BETWEEN = {"time", "recording"}  # by which recordings differ
 IDENTICAL_CORRELATION = 1.0 - 1e-6
 """Above it, beside the model, an effect is the other one by another name."""
+
+
+class Reason(Enum):
+    """Test that an effect does not pass. In brackets: what is measured; its limit."""
+
+    SCORE = "score"  # [2 dlogL; threshold]
+    STRENGTH = "strength"  # [rms over that of the drive force; that of processing errors]
+    HELD_OUT = "held-out parts"  # [parts that it predicts better; parts that it was not fitted to]
+    FORM = "form of another effect"  # what another model form of a stronger effect would leave
+    CURVE = "curve of another effect"  # some nonparametric curve of a stronger effect explains it
+    RIVALS = "rivals"  # effects that look different are as good
+    SIGNATURE = "signature"  # another signature explains more than any curve of the effect
+    CLOSED = "closed"  # [share of the held-out gap that it closes; share that is asked for]
+    RESEMBLANCE = "resemblance"  # [share that it explains of what can be explained; least share]
+    WIDENED = "widened"  # the held-out error does not fall where the effect acts
+
+
+class HeldOutChange(NamedTuple):
+    """Held-out error of the force of a joint, over its rms, before and after a change."""
+
+    joint: str
+    before: float
+    after: float
+
+
+class Rejection(NamedTuple):
+    """A test that an effect does not pass, what was `measured`, and the `limit`.
+
+    `about`: labels of effects, or signatures, that are compared; `errors`: held-out errors of the
+    joints that an effect acts on.
+    """
+
+    reason: Reason
+    measured: float = np.nan
+    limit: float = np.nan
+    about: tuple[str, ...] = ()
+    errors: tuple[HeldOutChange, ...] = ()
+
+
+class Beyond(NamedTuple):
+    """Something that is missing and that no effect of the catalogue may be named for.
+
+    Either a `signature` on a `joint` that no effect has (it `falls` where the model forms of its
+    effect rise), or `effects`, by their labels, that a test rejects though they are not chance.
+    """
+
+    joint: str = ""
+    signature: str = ""
+    falls: bool = False
+    effects: tuple[str, ...] = ()
+    rejections: tuple[Rejection, ...] = ()
 
 
 class Rival(NamedTuple):
@@ -136,9 +462,6 @@ def _judged(
             continue  # the same with more freedom, which it does not need
         rivals.append(Rival(other.candidate, lead, needed_of_same if related else needed))
     indistinct = [one.candidate for one in rivals if one.lead <= one.needed]
-    indistinct += same_as(
-        search, [swapped for swapped, _ in swaps], indistinct, needed, method.alike_correlation
-    )
     evidence = search.evidence
     columns = [projection.candidates[i].columns for i in rest.numbers]
     before = np.concatenate([evidence.free, *columns], axis=2)

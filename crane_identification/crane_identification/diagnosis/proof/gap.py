@@ -2,18 +2,184 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import SupportsIndex
+from functools import cache
+from math import comb
+from typing import NamedTuple, SupportsIndex
 
 import numpy as np
+from scipy import ndimage, signal
+from scipy.stats import ttest_1samp
+from sklearn.ensemble import HistGradientBoostingRegressor
+from threadpoolctl import ThreadpoolController
 
-from crane_identification.diagnosis.fit.evidence import Evidence, over_zones, relative, residual
-from crane_identification.diagnosis.proof.learner import predict_elsewhere
-from crane_identification.diagnosis.proof.noise import scatter_of_periods, scatter_of_samples
-from crane_identification.diagnosis.search.loads import Weighed, with_own_loads
-from crane_identification.preparation.run import Preparation
-from crane_identification.thresholds import Gates, Method
-from crane_identification.validation.motion_validation import MotionValidation, validate_motion
+from crane_identification.data.log import Log
+from crane_identification.diagnosis.decision.judgement import HeldOutChange
+from crane_identification.diagnosis.fit.evidence import (
+    Evidence,
+    Features,
+    Run,
+    over_zones,
+    relative,
+    residual,
+    row_noise,
+)
+from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.diagnosis.search.candidates import Weighed, with_own_loads
+from crane_identification.estimation.regression import LEAST_OPEN_SHARE
+from crane_identification.preparation.run import Preparation, noise_of_mean
+from crane_identification.signals.decimate import decimate
+from crane_identification.thresholds import Gates, Method, Thresholds
+from crane_identification.validation.motion_validation import (
+    CommandedRun,
+    CommandValidation,
+    MotionValidation,
+    validate_motion,
+    validate_runs,
+)
+from crane_model.errors import CraneError
+from crane_model.hydraulics.simulation import circuit_of
 from crane_model.model_file import Model
+
+# Noise of the force: how it scatters from period to period, and from sample to sample.
+
+ORDER = 4
+"""Of the differences between samples: of a motion of 2 Hz, sampled with 200 Hz, they keep 2e-6."""
+
+
+def scatter_of_periods(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:
+    """Root mean square noise (j,) of the filtered force, from the scatter between periods; NaN
+    where none was repeated that moves the joint.
+
+    It holds what a motion does not repeat and what a machine does not: neither is of sensors.
+    """
+    power, count = np.zeros((2, joints))
+    for preparation in averaged:
+        repeated = len(preparation.periods)
+        if repeated < 2:
+            continue
+        periods = np.stack([decimate(one, factor, True) for one in preparation.periods])
+        gate = decimate(preparation.signed.astype(float), factor, True) > LEAST_OPEN_SHARE
+        moved = gate.any(axis=0)
+        power[moved] += noise_of_mean(periods, gate)[moved] ** 2 * repeated
+        count += moved
+    return np.sqrt(np.where(count > 0, power / np.maximum(count, 1), np.nan))
+
+
+def scatter_of_samples(evidence: Evidence) -> np.ndarray:
+    """Root mean square noise (j,) of its rows while joints move, if that of the samples is white:
+    from differences of the force, in which no motion is left (Gasser, Sroka and Jennen-Steinmetz,
+    Biometrika 73 (1986)).
+    """
+    joints = len(evidence.joints)
+    weights = np.array([(-1.0) ** k * comb(ORDER, k) for k in range(ORDER + 1)])
+    inside = slice(ORDER // 2, -(ORDER // 2))
+    power, count = np.zeros((2, joints))
+    for run in evidence.runs:
+        force = run.record.needed("force", "the noise of samples")
+        if len(force) <= ORDER:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(force, ORDER + 1, axis=0)
+        moving = run.gate[inside, :joints] > 0.0
+        power += (((windows @ weights) ** 2) * moving).sum(axis=0)
+        count += moving.sum(axis=0)
+    variance = power / np.maximum(count, 1) / (weights**2).sum()
+    return np.sqrt(variance) * row_noise(evidence.runs[0].factor)
+
+
+# A flexible learner: how much of a residual any law of the logged quantities could explain.
+
+ITERATIONS = 80
+SEED = 7
+BLOCK = 10  # rows, some seconds: longer than what a residual remembers
+FEWEST_ROWS = 60  # of a joint, below which nothing is learnt
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """Out-of-fold prediction (n, j) of a residual, and per joint (j,) the share it explains.
+
+    Folds that it predicts worse than zero, where it has to extrapolate, count as not explained in
+    both. `p_value`: how likely a residual without any law gives such gains; `strength`: root mean
+    square of what is explained, over that of the joint's force.
+    """
+
+    prediction: np.ndarray
+    share: np.ndarray
+    p_value: np.ndarray
+    strength: np.ndarray
+
+    def follows_law(self, thresholds: Thresholds) -> np.ndarray:
+        """(j,): whether a law is there, beyond chance and beyond errors of the processing."""
+        limit = thresholds.method.false_alarm_rate / 2.0 / len(self.share)
+        return (self.p_value < limit) & (self.strength > thresholds.gates.smallest_strength)
+
+
+def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.ndarray) -> Learnt:
+    """Predict the residual (n, j) of each fold (n,) from the others."""
+    prediction = np.zeros_like(residual)
+    share, strength = np.zeros((2, residual.shape[1]))
+    p_value = np.ones(residual.shape[1])
+    for j in range(residual.shape[1]):
+        used = evidence.used[:, j]
+        if used.sum() < FEWEST_ROWS:
+            continue
+        gain = np.zeros(len(used))
+        for number in np.unique(fold[used]):
+            inside = used & (fold != number)
+            outside = used & (fold == number)
+            if inside.sum() < FEWEST_ROWS:
+                continue
+            model = fitted(known.values[inside], residual[inside, j])
+            expected = model.predict(known.values[outside])
+            actual = residual[outside, j]
+            gain[outside] = actual**2 - (actual - expected) ** 2
+            if gain[outside].sum() > 0.0:
+                prediction[outside, j] = expected
+        power = float((residual[used, j] ** 2).sum())
+        left = float(((residual - prediction)[used, j] ** 2).sum())
+        share[j] = 1.0 - left / power if power > 0.0 else 0.0
+        strength[j] = np.sqrt(max(power - left, 0.0) / used.sum()) / evidence.force_rms[j]
+        p_value[j] = _by_chance(gain[used])
+    return Learnt(prediction, share, p_value, strength)
+
+
+def _by_chance(gain: np.ndarray) -> float:
+    """p of gains (n,) whose true mean is at most zero; neighbours, alike, count as one block."""
+    blocks = gain[: len(gain) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+    return float(ttest_1samp(blocks, 0.0, alternative="greater").pvalue)
+
+
+def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegressor:
+    """The learner on rows (n, f); so few rows are learnt faster by one thread than by several."""
+    learner = HistGradientBoostingRegressor(
+        max_iter=ITERATIONS,
+        learning_rate=0.1,
+        max_leaf_nodes=15,
+        min_samples_leaf=20,
+        l2_regularization=1.0,
+        early_stopping=False,
+        random_state=SEED,
+    )
+    with _threads().limit(limits=1):
+        return learner.fit(values, target)
+
+
+@cache
+def _threads() -> ThreadpoolController:
+    """Of all libraries; to look for them takes as long as several trees."""
+    return ThreadpoolController()
+
+
+def predict_elsewhere(evidence: Evidence, residual: np.ndarray, other: Evidence) -> np.ndarray:
+    """The residual (n', j) of other evidence as learnt from this one."""
+    here, there = evidence.known, other.known
+    out = np.zeros_like(other.force)
+    for j in range(residual.shape[1]):
+        used = evidence.used[:, j]
+        if used.sum() >= FEWEST_ROWS:
+            out[:, j] = fitted(here.values[used], residual[used, j]).predict(there.values)
+    return out
+
 
 RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 
@@ -57,16 +223,9 @@ class HeldOut:
         gap = explainable > self.method.explainable_share * before
         return (before - after) / explainable if gap else np.nan
 
-    def moved(self, j: SupportsIndex) -> str:
-        """What becomes of the held-out error of a joint, in words; one number where both are one.
-
-        So that a percentage does not fall to itself.
-        """
-        before, after = (f"{error[j]:.2%}" for error in (self.before, self.after))
-        if before == after:
-            return f"the held-out error of {self.joints[j]} stays at {after}"
-        verb = "falls" if self.after[j] < self.before[j] else "rises"
-        return f"the held-out error of {self.joints[j]} {verb} from {before} to {after}"
+    def change(self, j: SupportsIndex) -> HeldOutChange:
+        """Held-out errors of a joint."""
+        return HeldOutChange(self.joints[j], float(self.before[j]), float(self.after[j]))
 
     def is_noise(self, joints: Sequence[int]) -> bool:
         """Whether the errors of these joints before are as small as the noise that is known."""
@@ -210,3 +369,126 @@ def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
     assert model.std_devs is not None  # of values that are kept
     parts = evidence.regressor(model) * model.std_devs
     return relative(evidence, np.linalg.norm(parts, axis=2))
+
+
+# Pulsation: a line in the spectrum of the residual, faster than anything that is moved on purpose.
+#
+# The rows of the evidence hold few of its periods and nothing that it depends on, so that nothing
+# else of a diagnosis sees it. Booms swing as fast, but in every pose at another frequency: what has
+# the same one in all recordings comes from elsewhere, as from a pump or from electronics.
+
+SPACING = 0.0125  # Hz, of the frequencies that are asked: finer than a minute resolves
+HALF_WIDTH = 1.0  # Hz to either side, whose median is the level that a line stands out of
+LOWEST_FREQUENCY = 1.0  # Hz
+HIGHEST_SHARE = 0.2  # of the sampling rate: the highest frequency
+TINY = np.finfo(float).tiny
+
+
+@dataclass(frozen=True)
+class Pulsation:
+    """A line in the force of a joint at a `frequency` [Hz] that the model does not explain.
+
+    `strength`: its rms over that of the joint's force, in the middle one of the recordings.
+    """
+
+    joint: str
+    frequency: float
+    strength: float
+
+
+class Line(NamedTuple):
+    """What may be a pulsation, and its `clearness`: log(power over level), its mean over R
+    recordings times sqrt(R).
+    """
+
+    pulsation: Pulsation
+    clearness: float
+
+
+def clearest_lines(model: Model, runs: Sequence[Run], fewest: int) -> tuple[Line, ...]:
+    """The clearest line of each joint beside the fitted `model`, whether or not it is clear enough;
+    none where recordings are too short or fewer than `fewest`.
+    """
+    longest = dict[str, Run]()
+    for run in runs:
+        other = longest.get(run.source)
+        if other is None or len(run.record) > len(other.record):
+            longest[run.source] = run
+    if len(longest) < fewest:
+        return ()
+    highest = min(HIGHEST_SHARE / _step(run) for run in longest.values())
+    asked = np.arange(LOWEST_FREQUENCY, highest, SPACING)
+    if not len(asked):
+        return ()
+    spectra = [_spectrum(model, run, asked) for run in longest.values()]
+    clear = np.mean([ratio for ratio, _ in spectra], axis=0) * np.sqrt(len(spectra))
+    strength = np.median([strength for _, strength in spectra], axis=0)
+    best = clear.argmax(axis=0)
+    return tuple(
+        Line(Pulsation(joint, float(asked[k]), float(strength[k, j])), float(clear[k, j]))
+        for j, (joint, k) in enumerate(zip(model.joints, best, strict=True))
+    )
+
+
+def pulsations(lines: Sequence[Line], thresholds: Thresholds) -> tuple[Pulsation, ...]:
+    """The lines that are clear enough."""
+    least = thresholds.gates.pulsation_clearness
+    return tuple(one.pulsation for one in lines if one.clearness > least)
+
+
+def _step(run: Run) -> float:
+    """Of the samples [s]."""
+    return float(np.diff(run.record.time).mean())
+
+
+def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(f, j) at the frequencies `asked` [Hz] (f,): log of the residual's power over the level
+    around, and the rms of a line there over that of the force.
+    """
+    force = run.record.needed("force", "a search for pulsation")
+    residual = force - model.predict(run.record)
+    window = signal.windows.hann(len(force))[:, np.newaxis]
+    count = max(round(1.0 / (SPACING * _step(run))), len(force))
+    size = np.abs(np.fft.rfft((residual - residual.mean(axis=0)) * window, n=count, axis=0))
+    frequency = np.fft.rfftfreq(count, _step(run))
+    width = round(2.0 * HALF_WIDTH / float(frequency[1]))
+    level = np.stack([ndimage.median_filter(one, width, mode="nearest") for one in size.T], axis=1)
+    clear = 2.0 * np.log(np.maximum(size, TINY) / np.maximum(level, TINY))
+    rms = np.sqrt(2.0) * size / window.sum() / np.maximum(np.sqrt((force**2).mean(axis=0)), TINY)
+
+    def at(values: np.ndarray) -> np.ndarray:
+        columns = [np.interp(asked, frequency, column) for column in values.T]
+        return np.stack(columns, axis=1)
+
+    return at(clear), at(rms)
+
+
+# The third comparison: motion simulated from valve commands alone, before and after findings.
+
+
+@dataclass(frozen=True)
+class Commanded:
+    """Errors on recordings that took no part, a pair of before and after for each horizon.
+
+    Where none can be simulated, `reason` says why.
+    """
+
+    pairs: tuple[tuple[CommandValidation, CommandValidation], ...] = ()
+    reason: str = ""
+
+
+def commanded(fit: Fitted, after: Model, logs: Sequence[Log]) -> Commanded:
+    """Both models through the hydraulics that the model file holds, along the same windows."""
+    before, by_source = fit.before, {log.source: log for log in logs}
+    runs = []
+    for run in fit.held_out.runs:
+        log, time = by_source[run.source], run.record.time
+        record = replace(run.record, time=time - fit.session.since(log))  # of its commands
+        runs.append(CommandedRun(log, record, float(time[1] - time[0])))
+    try:
+        circuit_of(before)
+        first = validate_runs(before, runs)
+        second = first if after is before else validate_runs(after, runs)
+    except CraneError as error:
+        return Commanded(reason=str(error))
+    return Commanded(tuple(zip(first, second, strict=True)))

@@ -1,42 +1,365 @@
 """Effects that passed the training recordings, before recordings that took no part."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
-from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.fit.evidence import relative, residual
-from crane_identification.diagnosis.fit.fit import Fitted
-from crane_identification.diagnosis.fit.refit import UndeterminedError
-from crane_identification.diagnosis.proof.extension import extended
+from crane_identification.data.column_map import COUNTS
+from crane_identification.diagnosis.decision.judgement import (
+    Judged,
+    Reason,
+    Rejection,
+    folds,
+)
+from crane_identification.diagnosis.fit.evidence import (
+    beside,
+    gather,
+    leading,
+    normed,
+    relative,
+    residual,
+)
+from crane_identification.diagnosis.fit.fit import Fitted, Training, UndeterminedError, refit_anyway
 from crane_identification.diagnosis.proof.gap import (
     RESOLUTION,
     Gap,
-    HeldOut,
-    measure,
-    where_trained,
-)
-from crane_identification.diagnosis.proof.pulsation import (
+    Learnt,
     Line,
     Pulsation,
     clearest_lines,
+    learn,
+    measure,
     pulsations,
 )
-from crane_identification.diagnosis.proof.trial import Trial, tried
-from crane_identification.diagnosis.search.energy import left_share
-from crane_identification.diagnosis.search.loads import with_own_loads
-from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.candidates import (
+    NO_LOAD,
+    Candidate,
+    ShapedCandidate,
+    with_own_loads,
+)
+from crane_identification.diagnosis.search.projection import whitened_base
+from crane_identification.diagnosis.search.search import Search, left_share, normalized_energy
 from crane_identification.thresholds import Thresholds
+from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
+
+# What has changed since a model was made, whose other values are kept.
+#
+# The given values count as known as well as their standard deviations say: the covariance that
+# these give the predicted force, as if the values were independent, is noise beside that of the
+# recordings. So a change within what the values leave uncertain is no finding. A model file holds
+# no correlations; where values have some, more counts as uncertain than is.
+
+SINGULAR_RATIO = 1e-9
+"""Smallest over largest singular value of columns of one size, below which some are the same."""
+
+
+def within(search: Search, model: Model) -> Model:
+    """The model with its values where these recordings want them, within what is uncertain of them.
+
+    The most likely ones of independent values with these standard deviations.
+    """
+    evidence, white = search.evidence, search.whitener
+    assert model.std_devs is not None  # of values that are kept
+    regressor = evidence.regressor(model)
+    nuisance = white(evidence.free)
+    base = leading(nuisance, nuisance.shape[1])
+    columns = beside(base, white(regressor * model.std_devs))
+    force = beside(base, white(evidence.force - regressor @ model.theta))
+    p = len(model.theta)
+    sigmas = np.linalg.lstsq(
+        np.concatenate([columns, np.eye(p)]), np.concatenate([force, np.zeros(p)])
+    )[0]
+    return replace(model, values=model.theta + model.std_devs * sigmas)
+
+
+def estimated(search: Search, before: Model, candidates: Sequence[ShapedCandidate]) -> Model:
+    """The model with the parameters of the candidates, and with its other values as they were.
+
+    A changed value is that of these recordings alone: its standard deviation holds what the values
+    that did not change leave uncertain, but not its own from before. `UndeterminedError` where the
+    recordings do not determine them.
+    """
+    evidence, white = search.evidence, search.whitener
+    model = before
+    for one in candidates:
+        model = model if one.candidate.changes else model.with_term(one.term)
+    parts = [np.arange(len(model.parameters))[model.part(one.term)] for one in candidates]
+    where, p = np.concatenate(parts), len(before.parameters)
+    values, std_devs = np.zeros((2, len(model.parameters)))
+    values[:p], std_devs[:p] = before.theta, evidence.std_devs
+    std_devs[where] = 0.0
+    names = tuple(model.parameters[i].name for i in where)
+    base = whitened_base(replace(evidence, std_devs=std_devs[:p]), white)
+    columns = white(np.concatenate([one.columns for one in candidates], axis=2))
+    scaled, norms = normed(beside(base.basis, columns))
+    _, size, directions = np.linalg.svd(scaled, full_matrices=False)
+    if size[-1] <= SINGULAR_RATIO * size[0]:
+        raise UndeterminedError(model, names)
+    minima = [model.parameters[i].minimum for i in where]
+    least = np.array([-np.inf if one is None else one for one in minima]) - values[where]
+    found = lsq_linear(scaled, base.residual, (least * norms, np.full(len(where), np.inf)))
+    values[where] += found.x / norms
+    std_devs[where] = np.linalg.norm(directions.T / size, axis=1) / norms
+    sources = ", ".join(evidence.sources)
+    provenance = f"diagnose --fixed: {', '.join(names)} from {sources}; {before.provenance}"
+    return model.with_estimate(values, std_devs, provenance)
+
+
+# A model with effects added, fitted jointly, and the parameters of each.
+
+STEP = 0.02  # relative, of the difference with respect to a shape parameter
+
+
+@dataclass(frozen=True)
+class Value:
+    """One parameter of a finding, linear or shape; not below `minimum`, if any.
+
+    `before` is what it has changed from, with its standard deviation.
+    """
+
+    name: str
+    value: float
+    std_dev: float
+    unit: str
+    minimum: float | None = None
+    before: tuple[float, float] | None = None
+
+    @property
+    def change(self) -> tuple[float, float]:
+        """What it adds to the value before or to nothing, with its standard deviation."""
+        known, std_dev = self.before or (0.0, 0.0)
+        return self.value - known, float(np.hypot(self.std_dev, std_dev))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A finding with its parameters in the extended model."""
+
+    judged: Judged
+    parameters: tuple[Value, ...]
+
+    @property
+    def candidate(self) -> Candidate:
+        """The effect and its joint."""
+        return self.judged.shaped.candidate
+
+    @property
+    def added(self) -> np.ndarray:
+        """Coefficients (k,) of the columns of the effect: its values, or by what they changed."""
+        linear = self.parameters[: len(self.judged.shaped.positive)]
+        return np.array([one.change[0] for one in linear])
+
+
+def extended(
+    found: Search,
+    before: Model,
+    judged: Sequence[Judged],
+    training: Training,
+) -> tuple[Model, list[tuple[Value, ...]]]:
+    """The model with the terms, refitted jointly, and the parameters of each.
+
+    `UndeterminedError` where the recordings do not determine all of them.
+    """
+    if not judged:
+        return before, []
+    if found.evidence.keeps:
+        after = estimated(found, before, [one.shaped for one in judged])
+    else:
+        model = before
+        for one in judged:
+            model = model.with_term(one.shaped.term)
+        evidence = gather(model, training.recordings, training.factor)
+        after, _ = refit_anyway(evidence, training.sources)
+    own = [after.part(one.shaped.term) for one in judged]
+    assert after.std_devs is not None  # just fitted
+    shapes = shape_std_devs(
+        found, [one.shaped for one in judged], [after.theta[part] for part in own]
+    )
+    values = []
+    for one, part, spread in zip(judged, own, shapes, strict=True):
+        linear = [
+            Value(
+                after.parameters[i].name,
+                float(after.theta[i]),
+                float(after.std_devs[i]),
+                after.parameters[i].unit,
+                after.parameters[i].minimum,
+                _before(before, i) if one.shaped.candidate.changes else None,
+            )
+            for i in range(part.start, part.stop)
+        ]
+        coordinate = after.setting.units.get(one.shaped.candidate.where, "rad")
+        bent = [
+            Value(name, float(one.shaped.shape[name]), spread[name], shape.unit_on(coordinate))
+            for name, shape in one.shaped.candidate.shapes.items()
+        ]
+        values.append(tuple(linear + bent))
+    return after, values
+
+
+def _before(model: Model, i: int) -> tuple[float, float]:
+    """Value and standard deviation of a parameter."""
+    assert model.std_devs is not None  # changes are sought of a model with values
+    return float(model.theta[i]), float(model.std_devs[i])
+
+
+def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Which recordings carry each load of an effect that differs between them, and which `none`."""
+    loads = finding.judged.shaped.term.carried
+    if not loads:
+        return {}
+    pairs = zip(finding.parameters, loads, strict=True)
+    carried = {value.name: load.recordings for value, load in pairs}
+    loaded = {name for names in carried.values() for name in names}
+    return carried | {NO_LOAD: tuple(sorted(set(recordings) - loaded))}
+
+
+def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Parameters that are found in counts."""
+    return tuple(replace(one, unit=COUNTS if one.unit != "1" else "1") for one in values)
+
+
+def shape_std_devs(
+    search: Search, chosen: Sequence[ShapedCandidate], values: Sequence[np.ndarray]
+) -> list[dict[str, float]]:
+    """One standard deviation of each shape parameter of each candidate, beside everything else.
+
+    Linearized: the derivative of the candidate's force with respect to the parameter is one more
+    column. `values` holds the parameters of each candidate.
+    """
+    evidence, white = search.evidence, search.whitener
+    base = [white(one.columns) for one in chosen]
+    out: list[dict[str, float]] = []
+    slopes, keys = [], []
+    for number, (one, value) in enumerate(zip(chosen, values, strict=True)):
+        out.append({})
+        for name in one.candidate.shapes:
+            middle = one.shape[name]
+            ends = [
+                evidence.columns(one.term.model_copy(update={name: middle * (1.0 + s)}))
+                for s in (-STEP, STEP)
+            ]
+            slope = (ends[1] - ends[0]) @ value / (2.0 * STEP * middle)
+            slopes.append(white(slope))
+            keys.append((number, name))
+    if not slopes:
+        return out
+    columns = np.concatenate([np.stack(slopes, axis=1), *base], axis=1)
+    columns = beside(search.base.basis, columns)
+    size = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+    gram = (columns / size).T @ (columns / size)
+    spread = np.sqrt(np.abs(np.diag(np.linalg.pinv(gram, rcond=1e-10)))) / size
+    for (number, name), std in zip(keys, spread, strict=False):
+        out[number][name] = float(std)
+    return out
+
+
+# A model with effects added: what it is after the fit, refitted jointly, and what it leaves.
+#
+# Where its values are kept, what changed is estimated alone.
+
+
+@dataclass(frozen=True)
+class Trial:
+    """`model` is that with the `effects`, fitted; `values` are the parameters of each.
+
+    `zero` are further effects whose parameters may as well be zero, or are no more than usual.
+
+    On the training recordings: its `residual` (n, c), `energy` (c,) of it in units of the noise,
+    and `left_share` of the energy beyond noise where the effects act. `learning` tries to learn the
+    residual, beyond what is uncertain of values that are kept.
+    """
+
+    effects: tuple[Judged, ...]
+    zero: tuple[Judged, ...]
+    values: tuple[tuple[Value, ...], ...]
+    model: Model
+    residual: np.ndarray
+    energy: np.ndarray
+    left_share: float
+    learning: Callable[[], Learnt]
+    thresholds: Thresholds
+
+    @property
+    def formless(self) -> bool:
+        """Whether no effect has a law, which leaves something where it is not the machine's."""
+        return all(one.shaped.candidate.effect.formless for one in self.effects)
+
+    @cached_property
+    def learnt(self) -> Learnt:
+        """What could be learnt; it takes a second and more, so only where it is asked for."""
+        return self.learning()
+
+    @cached_property
+    def law(self) -> np.ndarray:
+        """(j,): whether that is a law."""
+        return self.learnt.follows_law(self.thresholds)
+
+    def explained(self, before: "Trial") -> float:
+        """Share of what can be explained of what is left `before` that the effects do."""
+        learnable = np.where(self.law, self.learnt.share, 0.0)
+        remaining = float((self.energy[: len(learnable)] * learnable).sum())
+        own = max(float((before.energy - self.energy).sum()), 0.0)
+        return own / max(own + remaining, np.finfo(float).tiny)
+
+
+def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Thresholds) -> Trial:
+    """The model with effects; those whose parameters may as well be zero, or are no
+    more than usual, are left out.
+
+    `UndeterminedError` where the recordings do not determine all parameters.
+    """
+    chosen = tuple(effects)
+    while True:
+        model, values = extended(search, fit.before, chosen, fit.training)
+        sure = tuple(
+            one
+            for one, own in zip(chosen, values, strict=True)
+            if differs(one, own, thresholds.method.parameter_sigmas)
+        )
+        if sure == chosen:
+            break
+        chosen = sure
+    evidence = fit.evidence
+    left = residual(evidence, model)
+    beyond = residual(evidence, within(search, model)) if evidence.keeps else left
+
+    def learning() -> Learnt:
+        seen = evidence.moving
+        return learn(seen, seen.known, beyond[:, : len(evidence.joints)], folds(seen)[0])
+
+    return Trial(
+        effects=chosen,
+        zero=tuple(one for one in effects if one not in chosen),
+        values=tuple(values),
+        model=model,
+        residual=left,
+        energy=normalized_energy(search, left),
+        left_share=left_share(search, [one.shaped for one in chosen]),
+        learning=learning,
+        thresholds=thresholds,
+    )
+
+
+def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
+    """Whether a parameter of an effect is not zero, or has changed, by more than so many standard
+    deviations, and by more than is usual; shapes alone say nothing.
+    """
+    changes = [value.change for value in values[: len(one.shaped.positive)]]
+    usual = one.shaped.candidate.effect.usual
+    return any(abs(change) > max(sigmas * std_dev, usual) for change, std_dev in changes)
 
 
 class Short(NamedTuple):
-    """An effect that does not close the held-out gap, and what it does in words."""
+    """An effect that does not close the held-out gap, and why it is rejected."""
 
     effect: Judged
-    objection: str
+    rejection: Rejection
 
 
 @dataclass(frozen=True)
@@ -76,18 +399,10 @@ def proved(
             fit.before, trial.model, fit.evidence, fit.held_out, fit.periods, thresholds.method
         )
         failing = [
-            Short(one, said) for one in trial.effects if (said := objection(one, gap, thresholds))
+            Short(one, why) for one in trial.effects if (why := objection(one, gap, thresholds))
         ]
-        if not failing and trial.effects and (said := resemblance(trial, before, thresholds)):
-            failing = [Short(trial.effects[-1], said)]
-        if not failing:
-            failing = [
-                Short(one, said)
-                for one in trial.effects[1:]
-                if (said := unmoved(fit, search, trial, one, gap, thresholds))
-            ]
-        if not failing:
-            failing = spoiling(fit, search, trial, gap, thresholds)
+        if not failing and trial.effects and (why := resemblance(trial, before, thresholds)):
+            failing = [Short(trial.effects[-1], why)]
         if not failing:
             break
         short.insert(0, failing[-1])
@@ -99,8 +414,20 @@ def proved(
     return Proof(before, trial, gap, tuple(short), lines, pulsations(lines, thresholds))
 
 
-def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
-    """Why an effect does not close the gap where it acts; empty if it does."""
+def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> Rejection | None:
+    """Why effects only resemble what is missing; None if they are what is missing.
+
+    They leave most of the energy beyond noise where they act, and explain less than half of what a
+    learner explains besides: what is left is systematic, but not of their form.
+    """
+    least = thresholds.method.simple_share
+    if trial.left_share <= 1.0 - least or (share := trial.explained(before)) >= least:
+        return None
+    return Rejection(Reason.RESEMBLANCE, share, least)
+
+
+def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> Rejection | None:
+    """Why an effect does not close the gap where it acts; None if it does."""
     own = one.shaped.joints(gap.joints)
     held_to, method = gap.held_to, thresholds.method
     closed = held_to.closed_on(own)
@@ -108,69 +435,14 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
         ratio = held_to.after[own] / np.maximum(held_to.before[own], RESOLUTION)
         worse = (ratio > method.worse_factor) & (gap.after[own] > gap.before[own])
         still = not held_to.is_noise(own) and (ratio > 1.0 - RESOLUTION).all()  # and close some
-        return _with_it(held_to, own) if still or worse.any() else ""
+        widened = still or worse.any()
+        return (
+            Rejection(Reason.WIDENED, errors=tuple(map(held_to.change, own))) if widened else None
+        )
     least = method.simple_share if _simple(one, method.simple_share) else method.closed_share
     if closed >= least:
-        return ""
-    if closed < 0.0:
-        return f"{_with_it(held_to, own)}; it should close {least:.0%} of the gap"
-    return (
-        f"it closes {closed:.0%} of what could be closed of the gap on held-out recordings, and "
-        f"{least:.0%} are asked for"
-    )
-
-
-def unmoved(
-    fit: Fitted, search: Search, trial: Trial, one: Judged, gap: Gap, thresholds: Thresholds
-) -> str:
-    """Why a further effect is no name: with all effects, hardly less is left on any joint that it
-    acts on; empty if it is less. A scale acts on each joint that moves the bodies whose force it
-    scales: without it, more must be left somewhere.
-    """
-    own, held_to, least = one.shaped.joints(gap.joints), gap.held_to, thresholds.method.fallen_share
-    if _falls(held_to.before[own], held_to.after[own], least):
-        return ""
-    if one.shaped.candidate.effect.formless:
-        rest = [other for other in trial.effects if other is not one]
-        if _falls(held_out_error(fit, search, rest), held_to.after, least):
-            return ""
-    return f"{_with_it(held_to, own)}; a further effect should lessen its energy by {least:.0%}"
-
-
-def _falls(before: np.ndarray, after: np.ndarray, least: float) -> bool:
-    """Whether one of the errors (j,) falls by so much of its energy at least."""
-    ratio = after / np.maximum(before, RESOLUTION)
-    return bool((1.0 - ratio**2 >= least).any())
-
-
-def spoiling(
-    fit: Fitted, search: Search, trial: Trial, gap: Gap, thresholds: Thresholds
-) -> list[Short]:
-    """The weakest effect without which the others predict the force of its joint better, where
-    others act on it too; none if there is no such effect. Of an effect on several joints, the
-    geometric mean of their errors counts.
-    """
-    after = gap.held_to.after
-    for one in reversed(trial.effects):
-        rest = [other for other in trial.effects if other is not one]
-        own = one.shaped.joints(gap.joints)
-        if not any(set(own) & set(other.shaped.joints(gap.joints)) for other in rest):
-            continue
-        error = held_out_error(fit, search, rest)
-        ratio = np.maximum(after[own], RESOLUTION) / np.maximum(error[own], RESOLUTION)
-        if np.exp(np.log(ratio).mean()) > thresholds.method.worse_factor:
-            worse = [j for j in own if after[j] > error[j]]
-            told = (f"{gap.joints[j]} is {error[j]:.2%} and not {after[j]:.2%}" for j in worse)
-            return [Short(one, f"without it, the held-out error of {', '.join(told)}")]
-    return []
-
-
-def held_out_error(fit: Fitted, search: Search, effects: Sequence[Judged]) -> np.ndarray:
-    """Error (j,) of the model with the effects on the held-out rows where training went, relative
-    to the force.
-    """
-    rows = where_trained(fit.evidence, fit.held_out)
-    return relative(rows, left_held_out(fit, search, effects))
+        return None
+    return Rejection(Reason.CLOSED, closed, least, errors=tuple(map(held_to.change, own)))
 
 
 def left_held_out(fit: Fitted, search: Search, effects: Sequence[Judged]) -> np.ndarray:
@@ -180,26 +452,6 @@ def left_held_out(fit: Fitted, search: Search, effects: Sequence[Judged]) -> np.
     model, _ = extended(search, fit.before, effects, fit.training)
     carried, _ = with_own_loads(model, fit.evidence, fit.held_out)
     return residual(fit.held_out, carried)
-
-
-def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> str:
-    """Why effects but resemble what is missing; empty if they do not.
-
-    They leave most of the energy beyond noise where they act, and explain less than half of what a
-    learner explains besides: what is left follows a law, and that is not theirs.
-    """
-    least = thresholds.method.simple_share
-    if trial.left_share <= 1.0 - least or (share := trial.explained(before)) >= least:
-        return ""
-    return (
-        f"it explains {share:.0%} of what can be explained and leaves {trial.left_share:.0%} of "
-        f"the energy beyond noise; {least:.0%} either way are asked for"
-    )
-
-
-def _with_it(gap: HeldOut, joints: Sequence[int]) -> str:
-    """What becomes of the errors of the joints that an effect acts on."""
-    return f"with it, {', '.join(gap.moved(j) for j in joints)}"
 
 
 def _simple(one: Judged, share: float) -> bool:
@@ -214,7 +466,8 @@ def _simple(one: Judged, share: float) -> bool:
 
 @dataclass(frozen=True)
 class Nearest:
-    """Effects that come closest to what is missing, strongest first, and why they are no names.
+    """Effects that come closest to what is missing, strongest first, and why they are rejected, in
+    words.
 
     `explained`: share of the energy beyond noise where they act. Held-out errors (j,) `before` and
     `after` they are added; these are NaN where the recordings do not determine them.

@@ -1,19 +1,168 @@
-"""What candidates add to the base model: their columns with the base projected out.
+"""What candidates add to the base model, and the sets of them that explain the residual best."""
 
-By the theorem of Frisch, Waugh and Lovell, least squares on these gives the parameters and the
-gain of the full model: no effect is absorbed in Theta, and Theta is not biased by one.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import beside
-from crane_identification.diagnosis.search.candidates import ShapedCandidate
-from crane_identification.diagnosis.search.whitening import Base, Whitener
+from crane_identification.diagnosis.fit.evidence import (
+    ROUNDING_SHARE,
+    Evidence,
+    beside,
+    leading,
+    says_nothing,
+)
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.estimation.autoregression import (
+    Autoregression,
+    predictors_of,
+    restricted_likelihood,
+)
+
+# Rows whose noise is independent and of variance one, by an autoregression per channel.
+
+DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
+ROWS_PER_DIRECTION = 12  # a channel with fewer rows does not carry another direction
+FORCE_CORRELATION = 0.999
+"""A column whose part beyond the base is correlated like this with the residual is the measured
+force itself: it explains everything, noise included, and says nothing."""
+
+
+class _Pick(NamedTuple):
+    """Rows of one channel with the same number of used rows directly before them."""
+
+    channel: int
+    rows: np.ndarray
+    polynomial: np.ndarray
+    deviation: float
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Turns rows (n, c, ...) of the evidence into N independent rows of variance one.
+
+    `row`, `channel` and `zone` (N,) say where each comes from; `noise` holds the autoregressions.
+    """
+
+    noise: tuple[Autoregression | None, ...]
+    picks: tuple[_Pick, ...]
+    row: np.ndarray
+    channel: np.ndarray
+    zone: np.ndarray
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """(n, c, ...) to (N, ...)."""
+        there = [values[:, channel].any() for channel in range(values.shape[1])]
+        parts = []
+        for channel, rows, polynomial, deviation in self.picks:
+            if not there[channel]:
+                parts.append(np.zeros((len(rows), *values.shape[2:])))
+                continue
+            column = values[:, channel]
+            part = sum(a * column[rows - lag] for lag, a in enumerate(polynomial))
+            parts.append(part / deviation)
+        return np.concatenate(parts)
+
+
+def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
+    """From the residual of the `largest` model: its columns (n, c, K) beside the base.
+
+    Noise is what no model explains: estimated beside a smaller model it would hold the effects
+    that are sought, and whitening would remove them.
+    """
+    noise: list[Autoregression | None] = []
+    picks: list[_Pick] = []
+    first = np.diff(evidence.run, prepend=-1) != 0
+    for c, used in enumerate(evidence.used.T):
+        known = leading(evidence.base[used, c], evidence.base.shape[2])
+        if says_nothing(used, known):
+            noise.append(None)
+            continue
+        found = _noise(known, largest[:, c], evidence.force[:, c], used, evidence.run)
+        noise.append(found)
+        before = _used_before(used, first, len(found.polynomial) - 1)
+        predictors = predictors_of(found.autocovariance(len(found.polynomial)))
+        for m, (polynomial, variance) in enumerate(zip(*predictors, strict=True)):
+            rows = np.flatnonzero(used & (before == m))
+            if len(rows):
+                picks.append(_Pick(c, rows, polynomial, float(np.sqrt(variance))))
+    none = np.zeros(0, dtype=int)
+    row = np.concatenate([none, *(pick.rows for pick in picks)])
+    channel = np.concatenate([none, *(np.full(len(pick.rows), pick.channel) for pick in picks)])
+    zone = channel // len(evidence.model.joints)
+    return Whitener(tuple(noise), tuple(picks), row, channel, zone)
+
+
+def _noise(
+    known: np.ndarray, columns: np.ndarray, force: np.ndarray, used: np.ndarray, run: np.ndarray
+) -> Autoregression:
+    """Beside the orthonormal directions `known` of the base, and those of the columns."""
+    columns = columns[:, columns.any(axis=0)]
+    rest, residual = beside(known, columns[used]), beside(known, force[used])
+    norms = np.linalg.norm(rest, axis=0)
+    telling = norms > ROUNDING_SHARE * np.linalg.norm(columns[used], axis=0)
+    telling[telling] &= np.abs(residual @ rest[:, telling]) < (
+        FORCE_CORRELATION * norms[telling] * np.linalg.norm(residual)
+    )
+    count = min(DIRECTIONS, (int(used.sum()) - known.shape[1]) // ROWS_PER_DIRECTION)
+    more = leading(rest[:, telling], count) if count > 0 else rest[:, :0]
+    basis = np.zeros((len(used), known.shape[1] + more.shape[1]))
+    basis[used] = np.linalg.qr(np.concatenate([known, more], axis=1))[0]
+    found = restricted_likelihood(*(_by_run(v, run) for v in (basis, force, used)))
+    assert found is not None  # `whitener` asks for more rows than directions
+    floor = (1e-9 * np.sqrt((force[used] ** 2).mean())) ** 2  # of a machine without any noise
+    return Autoregression(found.polynomial, max(found.variance, floor, np.finfo(float).tiny))
+
+
+def _used_before(used: np.ndarray, first: np.ndarray, highest: int) -> np.ndarray:
+    """(n,) used rows directly before each, of the same run, up to `highest`."""
+    count = np.zeros(len(used), dtype=int)
+    for k in range(1, len(used)):
+        if used[k - 1] and not first[k]:
+            count[k] = min(count[k - 1] + 1, highest)
+    return count
+
+
+def _by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """(n, ...) to (runs, longest run, ...), padded with zeros."""
+    numbers, counts = np.unique(run, return_counts=True)
+    out = np.zeros((len(numbers), counts.max(), *values.shape[1:]), dtype=values.dtype)
+    for i, number in enumerate(numbers):
+        out[i, : counts[i]] = values[run == number]
+    return out
+
+
+class Base(NamedTuple):
+    """`basis` B (N, d), such that rows less B B^T of them are beside the whitened base, and the
+    `residual` (N,) of the force beside it.
+    """
+
+    basis: np.ndarray
+    residual: np.ndarray
+
+
+def whitened_base(evidence: Evidence, whitener: Whitener) -> Base:
+    """The base of the evidence, whitened.
+
+    Its basis is orthonormal; but where the values of the model are kept, not all of the columns u
+    that they are uncertain by, with standard deviation a, is taken out. The rows have the
+    covariance I + a^2 u u^T: they are white again after I - (1 - 1/sqrt(1 + a^2)) u u^T.
+    """
+    free, force = (whitener(values) for values in (evidence.free, evidence.left))
+    basis = leading(free, free.shape[1])
+    if evidence.keeps:
+        columns = beside(basis, whitener(evidence.uncertain))
+        u, a, _ = np.linalg.svd(columns, full_matrices=False)
+        basis = np.concatenate([basis, u * np.sqrt(1.0 - 1.0 / np.hypot(1.0, a))], axis=1)
+    return Base(basis, beside(basis, force))
+
+
+# What candidates add to the base model: their columns with the base projected out.
+#
+# By the theorem of Frisch, Waugh and Lovell, least squares on these gives the parameters and the
+# gain of the full model: no effect is absorbed in Theta, and Theta is not biased by one.
 
 
 @dataclass(frozen=True)
@@ -134,3 +283,196 @@ def _visibility(columns: np.ndarray, rest: np.ndarray, zone: np.ndarray) -> np.n
     most = left.argmax(axis=0)[np.newaxis]
     left, whole = (np.take_along_axis(values, most, axis=0)[0] for values in (left, whole))
     return np.divide(left, whole, out=np.zeros_like(left), where=whole > 0.0)
+
+
+# Which effects together explain the residual best: a beam search over sets of candidates.
+
+BEAM = 24  # sets that are followed from each size to the next
+SINGULAR_SHARE = 1e-6
+"""Share of a column's norm left beside the chosen ones, below which it is one of them."""
+
+
+class Subset(NamedTuple):
+    """A set of candidates (numbers of the projection), its gain 2 dlogL, and the coefficients."""
+
+    numbers: tuple[int, ...]
+    gain: float
+    values: np.ndarray  # of the columns of the candidates, one after another
+
+
+NOTHING = Subset((), 0.0, np.zeros(0))
+
+
+def larger_sets(
+    projection: Projection, beam: Sequence[Subset], refused: Collection[Candidate] = ()
+) -> list[Subset]:
+    """The sets with one candidate more than those of `beam` that gain most, best first; without
+    those that are `refused`.
+
+    One set of shapes for each set of candidates. Sets in which a parameter has the wrong sign do
+    not count: without that candidate they are no worse. Nor do those in which one is larger than
+    its effect may be: columns that are nearly the same fit anything, if their values are opposite.
+    """
+    found: dict[frozenset, Subset] = {}
+    for start in beam:
+        for subset in extended(projection, start, refused):
+            key = frozenset(projection.candidates[i].candidate for i in subset.numbers)
+            if key not in found or subset.gain > found[key].gain:
+                found[key] = subset
+    return sorted(found.values(), key=lambda subset: -subset.gain)[:BEAM]
+
+
+def extended(
+    projection: Projection, start: Subset, refused: Collection[Candidate] = ()
+) -> Iterator[Subset]:
+    """`start` with each further candidate, at its best shape, where signs and sizes are right."""
+    inside = [c for i in start.numbers for c in projection.columns_of[i]]
+    gram, score = _without(projection, inside)
+    left_out = {*refused} | {projection.candidates[i].candidate for i in start.numbers}
+    gains = _single_gains(projection, gram, score)
+    further = [
+        number
+        for number in _best_of_each(projection, gains)
+        if projection.candidates[number].candidate not in left_out and gains[number] > 0.0
+    ]
+    for solved in _solved_each(projection, start.numbers, further):
+        if solved is not None:
+            yield solved
+
+
+def _solved_each(
+    projection: Projection, numbers: tuple[int, ...], further: Sequence[int]
+) -> list[Subset | None]:
+    """`solve` of the candidates `numbers` with each `further` one; those with as many columns all
+    at once, as far as no sign is wrong.
+    """
+    out: list[Subset | None] = [None] * len(further)
+    inside = [projection.columns_of[i] for i in numbers]
+    counts = np.array([len(projection.columns_of[i]) for i in further], dtype=int)
+    begins = np.cumsum([0, *(len(own) for own in inside)])
+    for count in np.unique(counts):
+        places = np.flatnonzero(counts == count).tolist()
+        columns = np.stack(
+            [np.concatenate([*inside, projection.columns_of[further[place]]]) for place in places]
+        )
+        free = _free(projection.gram, projection.score, columns, projection.positive[columns])
+        for i, values, wrong in zip(*free, strict=True):
+            each = (*numbers, further[places[i]])
+            if wrong:
+                out[places[i]] = solve(projection, each)
+            elif np.logical_or.reduceat(values != 0.0, begins).all() and _possible(
+                projection, columns[i], values
+            ):
+                gain = float(values @ projection.score[columns[i]])
+                out[places[i]] = Subset(each, gain, values)
+    return out
+
+
+def _best_of_each(projection: Projection, gains: np.ndarray) -> list[int]:
+    """The best shape of each candidate."""
+    best: dict[object, int] = {}
+    for number, shaped in enumerate(projection.candidates):
+        known = best.get(shaped.candidate)
+        if known is None or gains[number] > gains[known]:
+            best[shaped.candidate] = number
+    return list(best.values())
+
+
+def _single_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """Gain (candidates,) of each candidate by itself, -inf where signs are wrong."""
+    diagonal = np.diag(gram)
+    good = diagonal > SINGULAR_SHARE**2
+    right = good & (~projection.positive | (score > 0.0))
+    single = np.where(right, score**2 / np.where(good, diagonal, 1.0), -np.inf)
+    gains = np.full(len(projection.candidates), -np.inf)
+    for count, (numbers, columns) in projection.by_count.items():
+        if count == 1:
+            gains[numbers] = single[columns[:, 0]]
+        elif count:
+            gains[numbers] = _gains(gram, score, columns, projection.positive[columns])
+    return gains
+
+
+def _gains(
+    gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
+) -> np.ndarray:
+    """Gain (m,) of m candidates by as many columns (m, k) each, as `_gain` of one."""
+    gains = np.full(len(columns), -np.inf)
+    for place, own, wrong in zip(*_free(gram, score, columns, positive), strict=True):
+        if wrong:
+            gains[place] = _gain(gram, score, columns[place], positive[place])
+        elif own.any():
+            gains[place] = own @ score[columns[place]]
+    return gains
+
+
+def _free(
+    gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which of m sets of as many columns (m, k) each are apart, the solutions of these whatever
+    their signs, and whether one that must be `positive` (m, k) is not.
+    """
+    blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
+    apart = np.flatnonzero(np.linalg.eigvalsh(blocks)[:, 0] >= SINGULAR_SHARE**2)
+    values = np.linalg.solve(blocks[apart], score[columns[apart]][..., np.newaxis])[..., 0]
+    return apart, values, np.asarray((positive[apart] & (values < 0.0)).any(axis=1))
+
+
+def _gain(gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray) -> float:
+    """Gain of a candidate's columns with those of wrong sign at zero; -inf if nothing is left."""
+    block = np.ix_(columns, columns)
+    values = constrained(gram[block], score[columns], positive)
+    return -np.inf if values is None or not values.any() else float(values @ score[columns])
+
+
+def constrained(gram: np.ndarray, score: np.ndarray, positive: np.ndarray) -> np.ndarray | None:
+    """Solution of gram values = score with the `positive` values that would be negative at zero.
+
+    None where columns coincide.
+    """
+    free = np.ones(len(score), dtype=bool)
+    values = np.zeros(len(score))
+    while free.any():
+        part = gram[np.ix_(free, free)]
+        if np.linalg.eigvalsh(part)[0] < SINGULAR_SHARE**2:
+            return None
+        values[:] = 0.0
+        values[free] = np.linalg.solve(part, score[free])
+        wrong = free & positive & (values < 0.0)
+        if not wrong.any():
+            break
+        free &= ~wrong
+    values[~free] = 0.0
+    return values
+
+
+def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
+    """Joint solution of a set of candidates; None where a sign is wrong, a parameter is larger than
+    its effect may be, or columns coincide.
+
+    A constrained parameter of a candidate with several may rest at zero.
+    """
+    columns = np.concatenate([projection.columns_of[i] for i in numbers])
+    gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
+    values = constrained(gram, score, projection.positive[columns])
+    if values is None or not _possible(projection, columns, values):
+        return None
+    for number in numbers:
+        if not values[projection.owner[columns] == number].any():
+            return None
+    return Subset(numbers, float(values @ score), values)
+
+
+def _possible(projection: Projection, columns: np.ndarray, values: np.ndarray) -> bool:
+    """Whether no coefficient is larger than the effect of its column may be."""
+    return bool((np.abs(values) <= projection.largest[columns]).all())
+
+
+def _without(projection: Projection, inside: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Gram matrix and score beside the columns `inside` (sweep)."""
+    gram, score = projection.gram, projection.score
+    if not inside:
+        return gram, score
+    block = gram[np.ix_(inside, inside)]
+    mixed = np.linalg.solve(block, gram[inside])
+    return gram - gram[:, inside] @ mixed, score - mixed.T @ score[inside]

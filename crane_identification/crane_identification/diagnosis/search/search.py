@@ -1,28 +1,160 @@
 """The search for missing effects in one body of evidence: what can be seen of each, by itself."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.evidence import (
+    VISIBLE_SHARE,
+    Evidence,
+    beside,
+    leading,
+    relative,
+)
 from crane_identification.diagnosis.search.candidates import (
     Candidate,
     ShapedCandidate,
+    at_shape,
     observed,
 )
-from crane_identification.diagnosis.search.own_noise import holds_noise, of_own_noise
-from crane_identification.diagnosis.search.projection import Projection, project
-from crane_identification.diagnosis.search.selection import NOTHING, Subset
-from crane_identification.diagnosis.search.shapes import Shapes
-from crane_identification.diagnosis.search.visibility import left_out, visible
-from crane_identification.diagnosis.search.whitening import Base, Whitener, whitened_base, whitener
+from crane_identification.diagnosis.search.projection import (
+    NOTHING,
+    Base,
+    Projection,
+    Subset,
+    Whitener,
+    project,
+    solve,
+    whitened_base,
+    whitener,
+)
+from crane_identification.diagnosis.search.visibility import (
+    holds_noise,
+    is_the_force_itself,
+    left_out,
+    of_own_noise,
+    visible,
+)
+from crane_model.errors import CraneError
+from crane_model.machine import Machine
 from crane_model.progress_bar import Progress, silent
+from crane_model.terms import (
+    NONPARAMETRIC_TERMS,
+    Effect,
+    NonparametricTerm,
+    Shape,
+    Term,
+    unlisted_signatures,
+)
+
+# Effects whose law is drawn, over what their joint went through, and signatures of no effect.
+#
+# Curves do not enter the selection: more candidates would raise what chance gives to the best of
+# them. A curve is drawn for an effect that was found, beside the others.
+
+
+@dataclass(frozen=True)
+class Drawn(Candidate):
+    """The effect of `term` with its law drawn `by` another term, at the knots that are `given`."""
+
+    by: type[NonparametricTerm] = field(kw_only=True)
+
+    @property
+    def drawn(self) -> bool:
+        """It is, by values at knots."""
+        return True
+
+    @property
+    def shapes(self) -> Mapping[str, Shape]:
+        """None is sought: it is linear."""
+        return {}
+
+    @property
+    def effect(self) -> Effect:
+        """That of the law, by its signature alone."""
+        known = super().effect
+        return known._replace(name=f"{known.name}, shape as drawn", signature=self.by.said)
+
+    def at(self, shape: Mapping[str, Any]) -> Term:
+        """The shape at its knots."""
+        return self.by.model_validate({"joint": self.joint, **dict(self.given)})
+
+
+class ForceSignature(NamedTuple):
+    """What a force on a joint depends on, whatever the law: in words, the `types` of the effects
+    that have it, none where the catalogue knows no such effect, its term and the columns (n, c, k).
+    """
+
+    said: str
+    types: tuple[str, ...]
+    term: Term
+    columns: np.ndarray
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """What is drawn over some evidence, each once, when it is asked for; nothing without any."""
+
+    evidence: Evidence | None = None
+    drawn: dict[Candidate, ShapedCandidate | None] = field(default_factory=dict)
+    strange: dict[str, tuple[ForceSignature, ...]] = field(default_factory=dict)
+
+    def of(self, candidate: Candidate) -> ShapedCandidate | None:
+        """The effect with its law drawn; None where nothing draws it."""
+        if candidate not in self.drawn:
+            self.drawn[candidate] = (
+                None if self.evidence is None else _drawn(self.evidence, candidate)
+            )
+        return self.drawn[candidate]
+
+    def unlisted_signatures(self, joint: str) -> tuple[ForceSignature, ...]:
+        """Signatures on a joint that no effect of the catalogue has."""
+        if self.evidence is None:
+            return ()
+        if joint not in self.strange:
+            terms = unlisted_signatures(self.evidence.model.setting, joint)
+            self.strange[joint] = tuple(
+                one for term in terms if (one := _stranger(self.evidence, term)) is not None
+            )
+        return self.strange[joint]
+
+
+def shape_of(candidate: Candidate) -> type[NonparametricTerm] | None:
+    """The term that draws the law of an effect; None where none does, and of changes."""
+    free = candidate.joint is not None and not candidate.changes
+    return NONPARAMETRIC_TERMS.get(candidate.type) if free else None
+
+
+def _stranger(evidence: Evidence, term: Term) -> ForceSignature | None:
+    """The signature of a term; None where what it follows was not logged."""
+    try:
+        return ForceSignature(term.unlisted_signature, (), term, evidence.columns(term))
+    except CraneError:
+        return None
+
+
+def _drawn(evidence: Evidence, candidate: Candidate) -> ShapedCandidate | None:
+    cls = shape_of(candidate)
+    if cls is None:
+        return None
+    j = evidence.joints.index(candidate.where)
+    try:
+        followed = [cls.followed(run.record, j)[run.kept] for run in evidence.runs]
+        given = (("knots", cls.over(np.concatenate(followed)[evidence.used[:, j]])),)
+        drawn = at_shape(evidence, Drawn(candidate.term, candidate.joint, given, by=cls), {})
+    except (CraneError, ValueError):  # not logged, never but close to reversals, or unchanged
+        return None
+    over_force = cls.variable.startswith("force")
+    own = over_force and is_the_force_itself(evidence, drawn.term, candidate.where)
+    return None if own else drawn
 
 
 @dataclass(frozen=True)
 class Search:
     """Evidence, its whitening and base, and all candidates beside it; `sets` are the best of no
-    effect, of one, and so on, each size best first. `shapes` are drawn beside the race.
+    effect, of one, and so on, each size best first. `shapes` are drawn beside the selection.
     """
 
     evidence: Evidence
@@ -56,3 +188,209 @@ def search(evidence: Evidence, wanted: list[Candidate], progress: Progress = sil
     kept = projection.kept(good & ~hidden & ~itself)
     shapes = Shapes(evidence, dict.fromkeys(noisy))  # nor is anything drawn of these
     return Search(evidence, white, base, kept, untestable, unobservable, shapes=shapes)
+
+
+# How much candidates explain, and how much they leave, in energy beyond noise.
+
+DETECTABLE_SHARE = 0.9
+"""Share of the effects that would show at the strength that is called detectable."""
+
+
+def channels(search: Search, number: int) -> np.ndarray:
+    """The channels in which a candidate acts: of its joint, and of those that carry it too."""
+    return np.flatnonzero(search.projection.candidates[number].columns.any(axis=(0, 2)))
+
+
+def explained(search: Search, *columns: np.ndarray) -> float:
+    """2 dlogL that columns (n, c, k), whatever their signs, gain together beside the base."""
+    white = search.whitener(np.concatenate(columns, axis=2))
+    rest = beside(search.base.basis, white)
+    seen = np.linalg.norm(rest, axis=0) > VISIBLE_SHARE * np.linalg.norm(white, axis=0)
+    known = leading(rest[:, seen], int(seen.sum()))
+    return float(((known.T @ search.base.residual) ** 2).sum())
+
+
+def unexplained(search: Search, subset: Subset) -> np.ndarray:
+    """Energy (c,) beyond noise of variance one that a set leaves in each channel."""
+    projection = search.projection
+    inside = [column for i in subset.numbers for column in projection.columns_of[i]]
+    left = projection.residual - projection.columns[:, inside] @ subset.values
+    noise = 1.0 - (search.base.basis**2).sum(axis=1)
+    return _by_channel(search, left**2 - noise)
+
+
+def _by_channel(search: Search, power: np.ndarray) -> np.ndarray:
+    """The sum (c,) of what whitened rows (N,) have in each channel."""
+    return np.bincount(search.whitener.channel, power, search.evidence.used.shape[1])
+
+
+def unexplained_beside(search: Search, subset: Subset, place: int) -> float:
+    """What a set leaves unexplained where one of its effects acts; 0 where that is but noise."""
+    left = unexplained(search, subset)[channels(search, subset.numbers[place])].sum()
+    return max(float(left), 0.0)
+
+
+def left_share(search: Search, wanted: Sequence[ShapedCandidate]) -> float:
+    """Share of the energy beyond noise that these together leave where they act; 0 for none.
+
+    Noise is an estimate, so that what is left may be a little less than nothing.
+    """
+    numbers = tuple(search.number(one) for one in wanted)
+    subset = solve(search.projection, numbers) if numbers else None
+    if subset is None:
+        return 0.0
+    own = sorted({int(channel) for number in numbers for channel in channels(search, number)})
+    before, after = (unexplained(search, one)[own].sum() for one in (NOTHING, subset))
+    return float(after / before) if before > 0.0 else 0.0
+
+
+def energy_shares(search: Search, number: int) -> np.ndarray:
+    """Share (c,) of what a candidate explains beside the base that each channel carries."""
+    projection = search.projection
+    power = (projection.columns[:, projection.columns_of[number]] ** 2).sum(axis=1)
+    shares = _by_channel(search, power)
+    return shares / max(float(shares.sum()), np.finfo(float).tiny)
+
+
+def acting(evidence: Evidence, columns: np.ndarray, values: np.ndarray) -> float:
+    """Root mean square of an effect, columns (n, c, k) with these values (k,), over that of the
+    drive force of its joint: what the manual calls its strength.
+    """
+    return float(np.nan_to_num(relative(evidence, columns @ values)).max())
+
+
+def strength(search: Search, number: int, score: float) -> float:
+    """Root mean square of what a candidate of this score explains, over that of its joint's force.
+
+    That is the part of the effect that shows beside the model.
+    """
+    return float(strengths(search, score * energy_shares(search, number)).max())
+
+
+def strength_on(search: Search, gain: float, j: int) -> float:
+    """Root mean square of what so much `gain` on joint j is, over that of its force."""
+    energy = np.zeros(len(search.whitener.noise))
+    energy[j] = gain
+    return float(strengths(search, energy)[j])
+
+
+def strengths(search: Search, energy: np.ndarray) -> np.ndarray:
+    """Root mean square (j,) of what has so much energy (c,) on each joint, over that of its force;
+    energy below zero, as noise may leave it, is none.
+    """
+    evidence, joints = search.evidence, len(search.evidence.joints)
+    variance = np.array([0.0 if one is None else one.variance for one in search.whitener.noise])
+    power = (np.maximum(energy, 0.0) * variance).reshape(-1, joints).sum(axis=0)
+    rows = evidence.used.reshape(len(evidence.time), -1, joints).sum(axis=(0, 1))
+    rms = np.sqrt(power / np.maximum(rows, 1))
+    force = evidence.force_rms[:joints]
+    return np.divide(rms, force, out=np.zeros_like(rms), where=force > 0.0)
+
+
+def detectable(search: Search, threshold: float) -> float:
+    """Strength at which nearly all of the testable candidates would reach the threshold.
+
+    Infinite where none is testable.
+    """
+    strengths: dict[Candidate, float] = {}
+    candidates = search.projection.candidates
+    for number, share in enumerate(search.projection.visibility):
+        candidate = candidates[number].candidate
+        least = strength(search, number, threshold) / max(float(share), 1e-9)
+        strengths[candidate] = min(strengths.get(candidate, np.inf), least)
+    return float(np.quantile(list(strengths.values()), DETECTABLE_SHARE)) if strengths else np.inf
+
+
+def named_from(search: Search, threshold: float, gate: float) -> dict[str, float]:
+    """By joint: the strength from which nearly all of the testable candidates there are named, of
+    the effect itself, before it is filtered to rows; infinite where none is testable.
+
+    Its score reaches the `threshold`, what shows of it the `gate`, its value what is usual. Of
+    the shapes of a candidate the median counts: nobody knows that of the machine.
+    """
+    strengths: dict[Candidate, list[float]] = {}
+    for number, shaped in enumerate(search.projection.candidates):
+        least = _named_from(search, number, threshold, gate)
+        strengths.setdefault(shaped.candidate, []).append(least)
+    out = {}
+    for joint in search.evidence.joints:
+        own = [np.median(each) for one, each in strengths.items() if one.joint in (joint, None)]
+        out[joint] = float(np.quantile(own, DETECTABLE_SHARE, method="higher")) if own else np.inf
+    return out
+
+
+def _named_from(search: Search, number: int, threshold: float, gate: float) -> float:
+    """Strength of a candidate at its shape from which it is named, by its least visible column;
+    infinite where one does not show.
+    """
+    projection = search.projection
+    shaped, columns = projection.candidates[number], projection.columns_of[number]
+    effect, scale = shaped.candidate.effect, projection.scale[columns]
+    shows = strength(search, number, 1.0)  # with a score of one
+    if shows <= 0.0 or not (scale > 0.0).all():
+        return np.inf
+    score = threshold if effect.formless else max(threshold, (gate / shows) ** 2)
+    values = np.maximum(np.sqrt(score) / scale, effect.usual)
+    acts = [
+        acting(search.evidence, shaped.columns[:, :, [k]], values[[k]]) for k in range(len(values))
+    ]
+    return max(acts) / shaped.damped
+
+
+def normalized_energy(search: Search, left: np.ndarray) -> np.ndarray:
+    """Energy (c,) of a residual (n, c) in units of the noise."""
+    variance = [1.0 if noise is None else noise.variance for noise in search.whitener.noise]
+    return (np.where(search.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)
+
+
+def testable_share(search: Search) -> float:
+    """Share of the effects that would show beside the model, of those that are observable."""
+    tested = {shaped.candidate for shaped in search.projection.candidates}
+    return len(tested) / max(len(tested) + len(search.untestable), 1)
+
+
+# Lengths of links that are not those of the machine's file, as columns beside the model.
+#
+# Where linkages are of another size than in their file, so may be the links. No effect says which:
+# the force that a little more of each length makes is taken out of what is asked of the effects.
+
+LENGTHS = ("a", "d")  # of a row of Table 1
+STEP = 0.01  # relative
+
+
+def beside_lengths(search: Search) -> Search:
+    """The same candidates, from the start, beside the model and a little more of each length."""
+    return widened(search, columns_of_lengths(search.evidence))
+
+
+def widened(search: Search, columns: np.ndarray) -> Search:
+    """The same candidates, from the start, beside the model and further columns (n, c, k)."""
+    evidence = search.evidence
+    evidence = replace(evidence, base=np.concatenate([evidence.base, columns], axis=2))
+    base = whitened_base(evidence, search.whitener)
+    projection = project(search.whitener, base, search.projection.candidates)
+    return replace(search, evidence=evidence, base=base, projection=projection)
+
+
+def columns_of_lengths(evidence: Evidence) -> np.ndarray:
+    """d(Phi Theta)/d(ln x) (n, c, k) by each length x of a link that makes a force."""
+    model, machine = evidence.model, evidence.model.setting.machine
+    force = evidence.base[:, :, : len(evidence.values)] @ evidence.values
+    columns = [
+        (evidence.regressor(replace(model, setting=setting)) @ evidence.values - force) / STEP
+        for longer in ([] if machine is None else _each_longer(machine))
+        for setting in [model.setting._replace(machine=longer)]
+    ]
+    moving = [one for one in columns if one.any()]
+    return np.stack(moving, axis=2) if moving else evidence.base[:, :, :0]
+
+
+def _each_longer(machine: Machine) -> list[Machine]:
+    """The machine with each length of a link that it has, in turn, larger by `STEP`."""
+    out = []
+    for number, joint in enumerate(machine.joints):
+        for name in LENGTHS if joint.dh else ():
+            longer = machine.model_dump(by_alias=True)
+            longer["joints"][number]["dh"][name] *= 1.0 + STEP
+            out.append(Machine.model_validate(longer))
+    return out

@@ -1,199 +1,208 @@
-"""Which effects together explain the residual best: a beam search over sets of candidates."""
+"""Forward selection: a beam over sets of candidates; shapes of the best sets are refined."""
 
-from collections.abc import Collection, Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Hashable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
-from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.projection import Projection
+from crane_identification.diagnosis.fit.evidence import beside, leading
+from crane_identification.diagnosis.search.candidates import (
+    LOADS,
+    Candidate,
+    ShapedCandidate,
+    agreeing,
+    at_shape,
+    load_of,
+    one_each,
+)
+from crane_identification.diagnosis.search.projection import (
+    NOTHING,
+    Projection,
+    Subset,
+    constrained,
+    larger_sets,
+    project,
+    solve,
+)
+from crane_identification.diagnosis.search.search import Search
+from crane_model.progress_bar import Progress, silent
 
-BEAM = 24  # sets that are followed from each size to the next
-SINGULAR_SHARE = 1e-6
-"""Share of a column's norm left beside the chosen ones, below which it is one of them."""
-
-
-class Subset(NamedTuple):
-    """A set of candidates (numbers of the projection), its gain 2 dlogL, and the coefficients."""
-
-    numbers: tuple[int, ...]
-    gain: float
-    values: np.ndarray  # of the columns of the candidates, one after another
-
-
-NOTHING = Subset((), 0.0, np.zeros(0))
-
-
-def larger_sets(
-    projection: Projection, beam: Sequence[Subset], refused: Collection[Candidate] = ()
-) -> list[Subset]:
-    """The sets with one candidate more than those of `beam` that gain most, best first; without
-    those that are `refused`.
-
-    One set of shapes for each set of candidates. Sets in which a parameter has the wrong sign do
-    not count: without that candidate they are no worse. Nor do those in which one is larger than
-    its effect may be: columns that are nearly the same fit anything, if their values are opposite.
-    """
-    found: dict[frozenset, Subset] = {}
-    for start in beam:
-        for subset in extended(projection, start, refused):
-            key = frozenset(projection.candidates[i].candidate for i in subset.numbers)
-            if key not in found or subset.gain > found[key].gain:
-                found[key] = subset
-    return sorted(found.values(), key=lambda subset: -subset.gain)[:BEAM]
+EVALUATIONS = 8  # of each shape parameter when it is refined
+LARGEST_SET = 6  # effects that are sought together
+REFINED_SETS = 4  # best sets of each size whose shapes are refined, so that the selection is fair,
+CLOSE_SHARE = 0.3  # if they add at least this share of what the best one adds
+LARGEST_GAIN = 1e12  # gain; beyond, the search for shapes would lose its numbers
+NEIGHBOUR_SHARE = 0.6  # of the way to the next point of the grid, to either side
+EDGE_SHARE = 0.1  # of that way: a shape that is best so near its end is sought beyond
 
 
-def extended(
-    projection: Projection, start: Subset, refused: Collection[Candidate] = ()
-) -> Iterator[Subset]:
-    """`start` with each further candidate, at its best shape, where signs and sizes are right."""
-    inside = [c for i in start.numbers for c in projection.columns_of[i]]
-    gram, score = _without(projection, inside)
-    left_out = {*refused} | {projection.candidates[i].candidate for i in start.numbers}
-    gains = _single_gains(projection, gram, score)
-    further = [
-        number
-        for number in _best_of_each(projection, gains)
-        if projection.candidates[number].candidate not in left_out and gains[number] > 0.0
-    ]
-    for solved in _solved_each(projection, start.numbers, further):
-        if solved is not None:
-            yield solved
+@dataclass
+class ForwardSelection:
+    """Runs until the decision is taken; `search` is what it has found so far."""
+
+    search: Search
+    progress: Progress = silent
+    _known: dict[Hashable, ShapedCandidate] = field(default_factory=dict, init=False, repr=False)
+    _refused: set[Candidate] = field(default_factory=set, init=False, repr=False)
+
+    def sets(self, size: int) -> tuple[Subset, ...]:
+        """The best sets of so many effects, best first; their shapes are refined."""
+        while len(self.search.sets) <= size:
+            before = self.search.sets[-1]
+            known = before[0].gain
+            rough = larger_sets(self.search.projection, before, self._refused)[:REFINED_SETS]
+            for subset in rough:
+                if subset.gain - known > CLOSE_SHARE * (rough[0].gain - known):
+                    self.refine(subset)
+            larger = tuple(larger_sets(self.search.projection, before, self._refused))
+            self.search = replace(self.search, sets=(*self.search.sets, larger))
+            self.progress("search", (len(self.search.sets) - 1) / (LARGEST_SET + 1))
+        return self.search.sets[size]
+
+    def go_on_from(self, start: Subset) -> None:
+        """Sets grow from this one alone from now on; smaller ones are what it begins with."""
+        parts = [start.numbers[:count] for count in range(1, len(start.numbers))]
+        known = [solve(self.search.projection, part) or NOTHING for part in parts]
+        sets = [NOTHING, *known, start] if start.numbers else [NOTHING]
+        self._refused.clear()
+        self.search = replace(self.search, sets=tuple((one,) for one in sets))
+
+    def refuse(self, size: int, candidates: Collection[Candidate]) -> None:
+        """Seek sets of `size` effects anew, without these candidates."""
+        self._refused |= set(candidates)
+        known = self.search.projection.candidates
+        kept = [
+            tuple(
+                one
+                for one in sets
+                if not self._refused & {known[number].candidate for number in one.numbers}
+            )
+            for sets in self.search.sets[:size]
+        ]
+        self.search = replace(self.search, sets=tuple(filter(None, kept)))
+
+    def best(self, size: int) -> Subset | None:
+        """The best set of so many effects; None if there is none."""
+        sets = self.sets(size)
+        return self._regrouped(sets[0]) if sets else None
+
+    def added(self, candidate: Candidate, shape: dict[str, Any]) -> int:
+        """The number of a candidate that is added."""
+        return self._joined(self._alone(candidate, shape))
+
+    def add(self, shaped: ShapedCandidate) -> int:
+        """The number of a candidate at its shape, now that the search has it."""
+        return self._joined(project(self.search.whitener, self.search.base, [shaped]))
+
+    def _alone(self, candidate: Candidate, shape: dict[str, Any]) -> Projection:
+        """The projection of a single candidate; other sets ask for the same shapes again."""
+        key, search = (candidate, tuple(sorted(shape.items()))), self.search
+        if key not in self._known:
+            self._known[key] = at_shape(search.evidence, candidate, shape)
+        return project(search.whitener, search.base, [self._known[key]])
+
+    def _joined(self, one: Projection) -> int:
+        """The number of the single candidate of `one`, now that the search has it."""
+        projection = self.search.projection.joined(one)
+        self.search = replace(self.search, projection=projection)
+        return len(projection.candidates) - 1
+
+    def refine(self, subset: Subset) -> Subset:
+        """The set with the shapes of its candidates refined, at which they are added.
+
+        Of loads, which recordings have one in common.
+        """
+        subset = self._regrouped(subset)
+        for place in range(len(subset.numbers)):
+            for name in self.search.projection.candidates[subset.numbers[place]].candidate.shapes:
+                subset = self._refined(subset, place, name)
+        return subset
+
+    def _regrouped(self, subset: Subset) -> Subset:
+        for place, number in enumerate(subset.numbers):
+            if self.search.projection.candidates[number].candidate.parts:
+                subset = self._grouped(subset, place)
+        return subset
+
+    def _grouped(self, subset: Subset, place: int) -> Subset:
+        """The set with one load for each group of recordings that agree, beside its other effects.
+
+        The lightest group has none: masses count from it. More loads than that would gain more.
+        """
+        search, projection = self.search, self.search.projection
+        candidate = projection.candidates[subset.numbers[place]].candidate
+        each = self._alone(candidate, {LOADS: one_each(search.evidence)})
+        inside = [int(c) for i in others(subset, place) for c in projection.columns_of[i]]
+        known = leading(projection.columns[:, inside], len(inside))
+        columns = beside(known, each.columns * each.scale)
+        residual = beside(known, projection.residual)
+        values = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
+        variance = max(float(((residual - columns @ values) ** 2).mean()), 1.0)
+        groups = agreeing(columns.T @ columns, columns.T @ residual, variance)
+        if len(groups) == 1:
+            return subset
+        shape = {LOADS: tuple(load_of(search.evidence, group) for group in groups[1:])}
+        same = [
+            number
+            for number, one in enumerate(projection.candidates)
+            if one.candidate == candidate and one.shape == shape
+        ]
+        numbers = list(subset.numbers)
+        numbers[place] = same[0] if same else self.added(candidate, shape)
+        return solve(self.search.projection, tuple(numbers)) or subset
+
+    def _refined(self, subset: Subset, place: int, name: str) -> Subset:
+        """Sought beside its point of the grid; from the edge of that, up to the next point."""
+        start = self.search.projection.candidates[subset.numbers[place]]
+        shape = start.candidate.shapes[name]
+        points = len({one[name] for one in start.candidate.grid()})
+        step, middle = 1.0 / max(points - 1, 1), shape.share(start.shape[name])
+        near = NEIGHBOUR_SHARE * step
+        low, high = max(middle - near, 0.0), min(middle + near, 1.0)
+        subset = self._sought(subset, place, name, (low, high))
+        found = self.search.projection.candidates[subset.numbers[place]]
+        best, edge = shape.share(found.shape[name]), EDGE_SHARE * near
+        if low > 0.0 and best - low < edge:
+            return self._sought(subset, place, name, (max(middle - step, 0.0), low))
+        if high < 1.0 and high - best < edge:
+            return self._sought(subset, place, name, (high, min(middle + step, 1.0)))
+        return subset
+
+    def _sought(self, subset: Subset, place: int, name: str, bounds: tuple[float, float]) -> Subset:
+        search = self.search
+        start = search.projection.candidates[subset.numbers[place]]
+        shape = start.candidate.shapes[name]
+        tried: list[tuple[float, Projection]] = []
+
+        def cost(share: float) -> float:
+            one = self._alone(start.candidate, {**start.shape, name: shape.value(float(share))})
+            gain = gain_beside(search.projection, others(subset, place), one)
+            tried.append((gain, one))
+            return -min(max(gain, 0.0), LARGEST_GAIN)
+
+        minimize_scalar(cost, bounds=bounds, method="bounded", options={"maxiter": EVALUATIONS})
+        gain, one = max(tried, key=lambda entry: entry[0])
+        if gain <= subset.gain:
+            return subset
+        numbers = list(subset.numbers)
+        numbers[place] = self._joined(one)
+        return solve(self.search.projection, tuple(numbers)) or subset
 
 
-def _solved_each(
-    projection: Projection, numbers: tuple[int, ...], further: Sequence[int]
-) -> list[Subset | None]:
-    """`solve` of the candidates `numbers` with each `further` one; those with as many columns all
-    at once, as far as no sign is wrong.
-    """
-    out: list[Subset | None] = [None] * len(further)
-    inside = [projection.columns_of[i] for i in numbers]
-    counts = np.array([len(projection.columns_of[i]) for i in further], dtype=int)
-    begins = np.cumsum([0, *(len(own) for own in inside)])
-    for count in np.unique(counts):
-        places = np.flatnonzero(counts == count).tolist()
-        columns = np.stack(
-            [np.concatenate([*inside, projection.columns_of[further[place]]]) for place in places]
-        )
-        free = _free(projection.gram, projection.score, columns, projection.positive[columns])
-        for i, values, wrong in zip(*free, strict=True):
-            each = (*numbers, further[places[i]])
-            if wrong:
-                out[places[i]] = solve(projection, each)
-            elif np.logical_or.reduceat(values != 0.0, begins).all() and _possible(
-                projection, columns[i], values
-            ):
-                gain = float(values @ projection.score[columns[i]])
-                out[places[i]] = Subset(each, gain, values)
-    return out
+def others(subset: Subset, place: int) -> tuple[int, ...]:
+    """The candidates of a set without one of them."""
+    return subset.numbers[:place] + subset.numbers[place + 1 :]
 
 
-def _best_of_each(projection: Projection, gains: np.ndarray) -> list[int]:
-    """The best shape of each candidate."""
-    best: dict[object, int] = {}
-    for number, shaped in enumerate(projection.candidates):
-        known = best.get(shaped.candidate)
-        if known is None or gains[number] > gains[known]:
-            best[shaped.candidate] = number
-    return list(best.values())
-
-
-def _single_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -> np.ndarray:
-    """Gain (candidates,) of each candidate by itself, -inf where signs are wrong."""
-    diagonal = np.diag(gram)
-    good = diagonal > SINGULAR_SHARE**2
-    right = good & (~projection.positive | (score > 0.0))
-    single = np.where(right, score**2 / np.where(good, diagonal, 1.0), -np.inf)
-    gains = np.full(len(projection.candidates), -np.inf)
-    for count, (numbers, columns) in projection.by_count.items():
-        if count == 1:
-            gains[numbers] = single[columns[:, 0]]
-        elif count:
-            gains[numbers] = _gains(gram, score, columns, projection.positive[columns])
-    return gains
-
-
-def _gains(
-    gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
-) -> np.ndarray:
-    """Gain (m,) of m candidates by as many columns (m, k) each, as `_gain` of one."""
-    gains = np.full(len(columns), -np.inf)
-    for place, own, wrong in zip(*_free(gram, score, columns, positive), strict=True):
-        if wrong:
-            gains[place] = _gain(gram, score, columns[place], positive[place])
-        elif own.any():
-            gains[place] = own @ score[columns[place]]
-    return gains
-
-
-def _free(
-    gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which of m sets of as many columns (m, k) each are apart, the solutions of these whatever
-    their signs, and whether one that must be `positive` (m, k) is not.
-    """
-    blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
-    apart = np.flatnonzero(np.linalg.eigvalsh(blocks)[:, 0] >= SINGULAR_SHARE**2)
-    values = np.linalg.solve(blocks[apart], score[columns[apart]][..., np.newaxis])[..., 0]
-    return apart, values, np.asarray((positive[apart] & (values < 0.0)).any(axis=1))
-
-
-def _gain(gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray) -> float:
-    """Gain of a candidate's columns with those of wrong sign at zero; -inf if nothing is left."""
-    block = np.ix_(columns, columns)
-    values = constrained(gram[block], score[columns], positive)
-    return -np.inf if values is None or not values.any() else float(values @ score[columns])
-
-
-def constrained(gram: np.ndarray, score: np.ndarray, positive: np.ndarray) -> np.ndarray | None:
-    """Solution of gram values = score with the `positive` values that would be negative at zero.
-
-    None where columns coincide.
-    """
-    free = np.ones(len(score), dtype=bool)
-    values = np.zeros(len(score))
-    while free.any():
-        part = gram[np.ix_(free, free)]
-        if np.linalg.eigvalsh(part)[0] < SINGULAR_SHARE**2:
-            return None
-        values[:] = 0.0
-        values[free] = np.linalg.solve(part, score[free])
-        wrong = free & positive & (values < 0.0)
-        if not wrong.any():
-            break
-        free &= ~wrong
-    values[~free] = 0.0
-    return values
-
-
-def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
-    """Joint solution of a set of candidates; None where a sign is wrong, a parameter is larger than
-    its effect may be, or columns coincide.
-
-    A constrained parameter of a candidate with several may rest at zero.
-    """
-    columns = np.concatenate([projection.columns_of[i] for i in numbers])
-    gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
-    values = constrained(gram, score, projection.positive[columns])
-    if values is None or not _possible(projection, columns, values):
-        return None
-    for number in numbers:
-        if not values[projection.owner[columns] == number].any():
-            return None
-    return Subset(numbers, float(values @ score), values)
-
-
-def _possible(projection: Projection, columns: np.ndarray, values: np.ndarray) -> bool:
-    """Whether no coefficient is larger than the effect of its column may be."""
-    return bool((np.abs(values) <= projection.largest[columns]).all())
-
-
-def _without(projection: Projection, inside: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Gram matrix and score beside the columns `inside` (sweep)."""
-    gram, score = projection.gram, projection.score
-    if not inside:
-        return gram, score
-    block = gram[np.ix_(inside, inside)]
-    mixed = np.linalg.solve(block, gram[inside])
-    return gram - gram[:, inside] @ mixed, score - mixed.T @ score[inside]
+def gain_beside(projection: Projection, numbers: Sequence[int], one: Projection) -> float:
+    """Gain of some candidates and the single one of `one`; -inf where a sign is wrong."""
+    inside = np.array([c for i in numbers for c in projection.columns_of[i]], dtype=int)
+    columns = np.concatenate([projection.columns[:, inside], one.columns], axis=1)
+    positive = np.concatenate([projection.positive[inside], one.positive])
+    score = columns.T @ projection.residual
+    values = constrained(columns.T @ columns, score, positive)
+    if values is None or not values[len(inside) :].any():
+        return -np.inf
+    return float(values @ score)

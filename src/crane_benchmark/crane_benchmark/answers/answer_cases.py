@@ -1,38 +1,191 @@
 """Second process of the benchmark: answers from bags alone. It cannot see what is hidden."""
 
 import argparse
+import os
 import shutil
 import sys
 import time
 import traceback
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from crane_benchmark.answers import baselines
-from crane_benchmark.answers.confinement import confine
-from crane_benchmark.folders import ANSWER, Folders, done, new
-from crane_benchmark.work import in_processes
-from crane_identification.data.bag_log import read_bag
+from crane_benchmark.folders import ANSWER, Folders, done, in_processes, new
 from crane_identification.data.log import Log
-from crane_identification.diagnosis.answer.verdict import Verdict
-from crane_identification.diagnosis.decision.chance import null_gains
+from crane_identification.data.recording_log import read_bag
+from crane_identification.diagnosis.answer import Verdict
+from crane_identification.diagnosis.decision.judgement import null_gains
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
-from crane_identification.diagnosis.findings import answer
-from crane_identification.diagnosis.findings_file import Findings
-from crane_identification.diagnosis.search.energy import strength
+from crane_identification.diagnosis.findings import Findings
+from crane_identification.diagnosis.search.search import Search, strength
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds, load_thresholds
 from crane_model.errors import CraneError
 from crane_model.model_file import Model, load_model, save_model
 from crane_model.result_file import Number, ResultFile, ResultPart
 
-# answer.json: what was said of a case, by those who had its bags alone.
-
+READING = ("open", "os.listdir", "os.scandir")
+MOST = 8  # effects in an answer
+SPARSITIES = 12  # thresholds that are tried
+LEAST_SIGMAS = 2.0  # of them, in standard deviations of a coefficient
+FACTOR = "pressure_gain"  # of all joints together, its columns are the masses of the model
+SINGULAR = 1e-3  # share of a column's norm beside the chosen ones, below which it is one of them
 CRASH = "crash"
+LEVELS = np.linspace(0.0, 1.0, 101)  # of the quantiles of the bootstrap
+QUANTILE_DIGITS = 4
+
+
+class PeekError(Exception):
+    """The answering process tried to look at what is sealed."""
+
+
+def confine(root: Path, allowed: Sequence[Path], modules: Sequence[str]) -> None:
+    """From now on nothing under `root` is opened or listed but what is in `allowed`, and none of
+    the `modules`, or of what is in them, is imported, on pain of `PeekError`. There is no way back.
+    """
+    fence = _plain(root)
+    inside = tuple(_plain(path) for path in allowed)
+
+    def knows(name: str) -> bool:
+        return any(name == module or name.startswith(f"{module}.") for module in modules)
+
+    if known := sorted(filter(knows, sys.modules)):
+        raise PeekError(f"imported already: {', '.join(known)}; confine the process before")
+
+    def within(path: str, folder: str) -> bool:
+        return path == folder or path.startswith(folder + os.sep)
+
+    def watch(event: str, arguments: tuple) -> None:
+        if event == "import" and knows(str(arguments[0])):
+            raise PeekError(f"import of {arguments[0]}")
+        if event in READING and isinstance(arguments[0], str | bytes | os.PathLike):
+            path = _plain(arguments[0])
+            if within(path, fence) and not any(within(path, folder) for folder in inside):
+                raise PeekError(f"{event} of {path}")
+
+    sys.addaudithook(watch)
+
+
+def _plain(path: str | bytes | os.PathLike) -> str:
+    """Absolute, without links: what an open would reach."""
+    return os.path.realpath(os.fsdecode(path))
+
+
+# What other methods answer from the same residual and the same columns, whitened alike.
+
+
+Names = list[tuple[str, str]]
+"""Effects, strongest first, each with its joint or `all`."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Linear regression: the residual (N,) beside the model, and of each testable effect its best
+    column (N, K) of norm one; rows are independent and of variance one. `energy` (j,) per joint.
+    """
+
+    residual: np.ndarray
+    columns: np.ndarray
+    names: Names
+    joints: tuple[str, ...]
+    energy: np.ndarray
+
+
+def problem(search: Search) -> Problem:
+    """Every candidate at the shape that alone explains most."""
+    projection, joints = search.projection, search.evidence.joints
+    best: dict[tuple[str, str], tuple[float, np.ndarray]] = {}
+    for shaped, members in zip(projection.candidates, projection.columns_of, strict=True):
+        columns = projection.columns[:, members]
+        fitted = columns @ np.linalg.lstsq(columns, projection.residual, rcond=1e-9)[0]
+        norm = float(np.linalg.norm(fitted))
+        name = (shaped.candidate.type, shaped.candidate.where)
+        if name[0] != FACTOR and norm > best.get(name, (0.0, fitted))[0]:
+            best[name] = (norm, fitted / norm)
+    channel = search.whitener.channel % len(joints)
+    return Problem(
+        projection.residual,
+        np.stack([column for _, column in best.values()], axis=1),
+        list(best),
+        joints,
+        np.bincount(channel, projection.residual**2 - 1.0, len(joints)),
+    )
+
+
+def always_stribeck(given: Problem) -> Names:
+    """The usual suspect, on the joint with most energy beyond noise."""
+    return [("stribeck", given.joints[int(np.argmax(given.energy))])]
+
+
+def sparse_regression(given: Problem) -> Names:
+    """Sequentially thresholded least squares (pysindy), its threshold by BIC."""
+    from pysindy import STLSQ
+
+    strongest = float(np.abs(given.columns.T @ given.residual).max())
+    best, chosen = _bic(given, []), np.zeros(len(given.names))
+    for sparsity in np.geomspace(
+        LEAST_SIGMAS, max(0.9 * strongest, 2.0 * LEAST_SIGMAS), SPARSITIES
+    ):
+        optimizer = STLSQ(threshold=float(sparsity), alpha=0.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of thresholds that leave nothing
+            optimizer.fit(given.columns, given.residual[:, np.newaxis])
+        values = np.asarray(optimizer.coef_)[0]
+        score = _bic(given, np.flatnonzero(values).tolist())
+        if score < best:
+            best, chosen = score, values
+    return [given.names[i] for i in np.argsort(-np.abs(chosen)) if chosen[i]]
+
+
+def forward_regression(given: Problem) -> Names:
+    """Forward orthogonal regression: what reduces the error most is added until BIC rises."""
+    inside: list[int] = []
+    score = _bic(given, inside)
+    while len(inside) < min(MOST, len(given.names)):
+        basis = np.linalg.qr(given.columns[:, inside])[0]
+        rest = given.columns - basis @ (basis.T @ given.columns)
+        norms = np.linalg.norm(rest, axis=0)
+        usable = norms > SINGULAR
+        gains = np.where(usable, (rest.T @ given.residual) / np.where(usable, norms, 1.0), 0.0) ** 2
+        larger = [*inside, int(np.argmax(gains))]
+        if _bic(given, larger) >= score:
+            break
+        inside, score = larger, _bic(given, larger)
+    return [given.names[i] for i in inside]
+
+
+def _bic(given: Problem, inside: Sequence[int]) -> float:
+    """Bayes' information criterion of a least-squares fit of these columns, without constants."""
+    basis = np.linalg.qr(given.columns[:, list(inside)])[0]
+    left = given.residual - basis @ (basis.T @ given.residual)
+    n = len(left)
+    return n * float(np.log(left @ left)) + len(inside) * float(np.log(n))
+
+
+METHODS: dict[str, Callable[[Problem], Names]] = {
+    "always Stribeck": always_stribeck,
+    "sparse regression (SINDy)": sparse_regression,
+    "forward regression (FROLS)": forward_regression,
+}
+
+
+def baseline_answers(search: Search) -> dict[str, Names]:
+    """The answer of every method; where pysindy is not installed, it is left out."""
+    given = problem(search)
+    out = {}
+    for name, method in METHODS.items():
+        try:
+            out[name] = method(given)
+        except ImportError:
+            continue
+    return out
+
+
+# answer.json: what was said of a case, by those who had its bags alone.
 
 
 class AnswerStatistics(ResultPart):
@@ -97,9 +250,10 @@ def given(folder: Path) -> tuple[Model, list[Log], list[Log]]:
     return model, train, validate
 
 
-LEVELS = np.linspace(0.0, 1.0, 101)  # of the quantiles of the bootstrap
-DIGITS = 4
-KNOWING = ("crane_sim", *(f"crane_benchmark.{one}" for one in ("away", "cases", "scores")))
+KNOWING = (
+    "crane_sim",
+    *(f"crane_benchmark.{package}" for package in ("independent", "cases", "scores")),
+)
 
 
 @dataclass(frozen=True)
@@ -114,8 +268,8 @@ class AnsweringJob:
 
 def blindfold(folders: Folders) -> None:
     """See bags and answers of the set alone, and none of the code that knows what is hidden."""
-    own = [folders.bags, folders.answers, folders.scores / "unfinished" / folders.answers.name]
-    confine(folders.top, own, KNOWING)
+    visible = [folders.bags, folders.answers, folders.scores / "unfinished" / folders.answers.name]
+    confine(folders.top, visible, KNOWING)
 
 
 def refused(error: CraneError) -> CaseAnswer:
@@ -127,14 +281,14 @@ def answered(folder: Path, thresholds: Thresholds, out: Path) -> CaseAnswer:
     """The diagnosis of one case, its model written to `out`."""
     start = time.process_time()
     diagnosis = diagnose(*given(folder), Options(), thresholds)
-    found = answer(diagnosis)
+    found = diagnosis.results()
     said = CaseAnswer(
         verdict=found.verdict,
         reason=found.reason,
         findings=found,
         statistics=statistics(diagnosis),
         seconds=time.process_time() - start,
-        others=baselines.answers(diagnosis.search),
+        others=baseline_answers(diagnosis.search),
     )
     save_model(out / "model.yaml", diagnosis.after)
     return said
@@ -158,14 +312,14 @@ def answer_case(job: AnsweringJob) -> None:
 def statistics(diagnosis: Diagnosis) -> AnswerStatistics:
     """What thresholds are compared with."""
     thresholds, learnt, gap = diagnosis.thresholds, diagnosis.proof.before.learnt, diagnosis.gap
-    quantities = [one for flow in diagnosis.flow.found for one in flow.quantities]
+    quantities = [quantity for flow in diagnosis.flow.found for quantity in flow.quantities]
     null = null_gains(diagnosis.search.projection, [])
     quantile = diagnosis.decision.threshold / thresholds.gates.score_factor
     single = [
         (subset.gain / quantile, strength(diagnosis.search, subset.numbers[0], subset.gain))
         for subset in diagnosis.search.sets[1]
     ]
-    strong = [score for score, one in single if one >= thresholds.gates.smallest_strength]
+    strong = [score for score, size in single if size >= thresholds.gates.smallest_strength]
     accepted = max((finding.judged.score for finding in diagnosis.findings), default=0.0)
     sure = learnt.p_value < thresholds.method.false_alarm_rate / 2.0 / len(learnt.p_value)
     law = float(learnt.strength[sure].max(initial=0.0))
@@ -174,13 +328,13 @@ def statistics(diagnosis: Diagnosis) -> AnswerStatistics:
         score=max(strong, default=0.0),
         accepted=accepted / quantile,
         learner=law,
-        strength=max([law, *(one for _, one in single[:1])]),
+        strength=max([law, *(size for _, size in single[:1])]),
         floor=float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
         sample_noise=float(gap.over_samples(gap.largest_before).max()),
         pulsation=max((line.clearness for line in diagnosis.proof.lines), default=0.0),
-        flow=max((one.share for one in quantities if one.missing), default=0.0),
+        flow=max((quantity.share for quantity in quantities if quantity.missing), default=0.0),
         flow_left=max((flow.unexplained for flow in diagnosis.flow.found), default=0.0),
-        promised=np.round(np.quantile(null, LEVELS) / quantile, DIGITS).tolist(),
+        promised=np.round(np.quantile(null, LEVELS) / quantile, QUANTILE_DIGITS).tolist(),
     )
 
 

@@ -12,11 +12,15 @@ from crane_benchmark.cases.motions import Richness
 from crane_model.configuration import Schema
 from crane_model.result_file import ResultFile
 from crane_sim.effects.form import Planted
-from crane_sim.hiding.label import LabelledEffect
+from crane_sim.ground_truth import TrueEffect
 from crane_sim.make_bag import COLD, STARTED, Moment
 from crane_trajectory.motion.motion import Motion
 
-# What a case is: what is hidden in which of its recordings, in which world, how well excited.
+TRAIN, VALIDATE = "train", "validate"
+PAUSE = (60.0, 420.0)  # s, between two recordings of a session
+WARM = (600.0, 1800.0)  # s for which the machine has worked before a session begins warm
+YEAR = 365 * 86400  # s
+LIGHTER = (0.4, 0.8)  # of the strongest: an effect that is not always as strong
 
 
 class CaseKind(StrEnum):
@@ -42,11 +46,11 @@ class Story(StrEnum):
     NOTHING = "nothing"
 
 
-class Site(StrEnum):
+class Simulator(StrEnum):
     """Whose machine makes the recordings of a case."""
 
-    HOME = "home"  # the stand-in machine, which the diagnosis grew up with
-    AWAY = "away"  # one of other make, with families of laws of its own
+    PRIMARY = "primary"  # crane_sim, which the diagnosis was developed on
+    INDEPENDENT = "independent"  # of other make, with model forms of its own
 
 
 class World(StrEnum):
@@ -66,12 +70,12 @@ class Carried(StrEnum):
 
 
 class EffectToHide(Schema):
-    """An effect to hide in a form that the machines of its site have."""
+    """An effect to hide in a form that the machines of its simulator have."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
     effect: str
-    """Its type in the catalogue, or in that of the stand-in machine."""
+    """Its type in the catalogue, or in that of the simulated crane."""
     joint: str | None
     """The joint; null: the whole machine."""
     form: str
@@ -87,7 +91,7 @@ class EffectToHide(Schema):
 class HiddenInRecording(ResultFile):
     """What one recording of a case hides."""
 
-    effects: list[LabelledEffect]
+    effects: list[TrueEffect]
     """As in a label."""
 
 
@@ -102,7 +106,7 @@ class Case(Schema):
 
     name: str  # tells nothing
     kind: CaseKind
-    site: Site = Site.HOME
+    simulator: Simulator = Simulator.PRIMARY
     seed: tuple[int, int]
     effects: tuple[EffectToHide, ...] = ()
     excitation: Richness = Richness.RICH
@@ -115,12 +119,6 @@ class Case(Schema):
 
 
 # The recordings of a case: when each was made, and which of the hidden effects it carries.
-
-TRAIN, VALIDATE = "train", "validate"
-PAUSE = (60.0, 420.0)  # s, between two recordings of a session
-WARM = (600.0, 1800.0)  # s for which the machine has worked before a session begins warm
-YEAR = 365 * 86400  # s
-LIGHTER = (0.4, 0.8)  # of the strongest: an effect that is not always as strong
 
 
 @dataclass(frozen=True)
@@ -136,11 +134,11 @@ class SessionRecording:
     moment: Moment
     shares: tuple[float, ...]
 
-    def present(self, planted: Sequence[Planted]) -> tuple[Planted, ...]:
+    def present(self, injected: Sequence[Planted]) -> tuple[Planted, ...]:
         """What it carries of the effects of the machine."""
         return tuple(
             effect._replace(values=(share * effect.values[0], *effect.values[1:]))
-            for effect, share in zip(planted, self.shares, strict=True)
+            for effect, share in zip(injected, self.shares, strict=True)
             if share
         )
 
@@ -151,14 +149,14 @@ def recordings(
     """Those of a case, by name; in the field they were made in any other order."""
     motions = [*train, *validate]
     moments = _session(rng, case.warm, motions) if case.world is World.FIELD else None
-    shares = [_shares(rng, one.carried, len(train), len(validate)) for one in case.effects]
+    shares = [_shares(rng, effect.carried, len(train), len(validate)) for effect in case.effects]
     return [
         SessionRecording(
             part=TRAIN if k < len(train) else VALIDATE,
             number=k if k < len(train) else k - len(train),
             motion=motion,
             moment=moments[k] if moments else COLD,
-            shares=tuple(float(one[k]) for one in shares),
+            shares=tuple(float(of_effect[k]) for of_effect in shares),
         )
         for k, motion in enumerate(motions)
     ]

@@ -1,16 +1,46 @@
 """Which cases a set holds: what is hidden in each, how strong, and how well it is excited."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
+from itertools import cycle
+from typing import Any
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case, CaseKind, EffectToHide, Site, World
-from crane_benchmark.cases.drawn import drawn, field, in_any_form, stranger
-from crane_benchmark.cases.motions import PLANAR_JOINTS, Richness
-from crane_benchmark.cases.sites import LAWS
+from crane_benchmark.cases.case import (
+    Carried,
+    Case,
+    CaseKind,
+    EffectToHide,
+    Simulator,
+    Story,
+    World,
+)
+from crane_benchmark.cases.motions import LABORATORY_CRANE, PLANAR_JOINTS, Richness
+from crane_benchmark.cases.simulators import LAWS
+from crane_sim.effects.form import Form
+from crane_sim.effects.kernel import FORMS
 
+Laws = Mapping[str, Sequence[Form]]
+"""Effect to the laws of it."""
+
+ABSORBED = ("pressure_gain",)  # by the masses: no data without a known weight show it
+LOAD = "payload"  # in all recordings it would be a link's mass
+STORIES = (
+    *(Story.LOAD,) * 3,
+    *(Story.WARMING,) * 2,
+    *(Story.STRONG,) * 2,
+    *(Story.ONCE,) * 2,
+    *(Story.SPOOLS,) * 2,
+    Story.NOTHING,
+)
+CLEAR, STRONG = 0.04, 0.08  # rms over that of the drive force
+LOADS = (0.02, 0.04, 0.08)
+WARMING = (300.0, 1200.0)  # s, time constant of the oil; a session takes some 40 minutes
+ZONE = 0.3  # rad, m, before the ends of the stroke
+IN_FORCE = ("stribeck", "load_friction", "seal_friction", "viscous_quadratic", "hose_stiffness")
+IN_FLOW = ("valve_hysteresis", "internal_leakage", "oil_compressibility")
 # rms over that of the drive force, of single effects
 STRENGTHS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 UNKNOWN = (0.02, 0.04, 0.08)  # of effects outside the catalogue
@@ -18,31 +48,6 @@ PAIR = 0.04  # of either effect of a pair
 LACKS = ("coulomb_asymmetry",)  # of the telescope, where a model lacks a class of equal effects
 TWINS = ("coulomb_asymmetry", "offset", "pressure_offset")  # constant forces of the telescope
 FAINT = ("actuator_inertia", "boom_flexibility", "time_skew")  # that slow motion hides
-
-
-class CaseSet(StrEnum):
-    """Cases of different sets share no seed, no machine and no trajectory."""
-
-    TUNING = "tuning"  # to find out what a diagnosis gets wrong
-    CALIBRATION = "calibration"  # nothing hidden, half in the field: to set thresholds
-    SCORING = "scoring"  # half at home, half away; once for each set of thresholds
-    FORMER = "former"  # scored with the thresholds before these; for tuning since
-    STRANGERS = "strangers"  # in the field: what a diagnosis once got wrong there
-    AWAY_TUNING = "away_tuning"  # as tuning, of machines of other make
-    AWAY_CLEAN = "away_clean"  # as calibration, of machines of other make
-
-
-SEEDS = {
-    CaseSet.TUNING: 0,
-    CaseSet.CALIBRATION: 1,
-    CaseSet.FORMER: 21,
-    CaseSet.SCORING: 22,
-    CaseSet.STRANGERS: 7,
-    CaseSet.AWAY_TUNING: 12,
-    CaseSet.AWAY_CLEAN: 13,
-}
-"""Before new thresholds are frozen, the scoring set becomes the former one and gets a new seed."""
-
 SHARES = {
     CaseKind.NOTHING: 0.2,
     CaseKind.LENGTHS: 0.05,
@@ -55,21 +60,163 @@ SHARES = {
 COLD = ("warm_up",)  # effects of the first minutes, that recordings of a session do not show
 
 
+def drawn(
+    rng: np.random.Generator, outside: bool, strengths: Sequence[float], laws: Laws = FORMS
+) -> Iterator[EffectToHide]:
+    """Effects on joints in random order, each as often as any other, at all strengths in turn."""
+    places = sorted(
+        {
+            (form.effect, joint or "")
+            for forms in laws.values()
+            for form in forms
+            if form.outside is outside and form.effect not in ABSORBED
+            for joint in form.where.joints(LABORATORY_CRANE) or (None,)
+        }
+    )
+    strength = cycle(strengths)
+    while True:
+        for place in rng.permutation(len(places)):
+            effect, joint = places[place]
+            yield in_any_form(rng, effect, joint or None, next(strength), laws)
+
+
+def in_any_form(
+    rng: np.random.Generator, effect: str, joint: str | None, strength: float, laws: Laws = FORMS
+) -> EffectToHide:
+    """The effect in any of its forms that can act there."""
+    forms = [
+        form.name
+        for form in laws[effect]
+        if joint is None or joint in form.where.joints(LABORATORY_CRANE)
+    ]
+    return EffectToHide(
+        effect=effect,
+        joint=joint,
+        form=str(rng.choice(forms)),
+        strength=strength,
+        carried=Carried.LATER if effect == LOAD else Carried.ALL,
+    )
+
+
+# Stories of machines of another make, of which a diagnosis once said what is not so.
+
+
+def field(rng: np.random.Generator) -> dict[str, Any]:
+    """What a case of the field has beside what is hidden."""
+    warm, spools = (rng.uniform(size=2) < 0.5).tolist()
+    return {"world": World.FIELD, "warm": warm, "spools": spools}
+
+
+def stranger(name: str, seed: tuple[int, int], number: int = 0) -> Case:
+    """The case of this `seed`, whose effects are drawn for the `number`-th time."""
+    rng = np.random.default_rng([20261121, *seed, number])
+    place = seed[1] % len(STORIES)
+    story = STORIES[place]
+    which = place - STORIES.index(story)  # of the cases that tell it
+    kind, effects, special = TELL[story](rng, which)
+    given = field(rng) | {"kind": kind, "effects": effects, "story": story} | special
+    return Case(name=name, seed=seed, **given)
+
+
+Told = tuple[CaseKind, tuple[EffectToHide, ...], dict[str, Any]]
+"""Kind, what is hidden, and what else is special."""
+
+
+def _load(rng: np.random.Generator, which: int) -> Told:
+    load = in_any_form(rng, LOAD, None, LOADS[which])
+    return CaseKind.SINGLE, (load.model_copy(update={"carried": Carried.SOME}),), {}
+
+
+def _warming(rng: np.random.Generator, which: int) -> Told:
+    viscosity = in_any_form(rng, "warm_up", _joint(rng), STRONG)
+    warming = round(float(rng.uniform(*WARMING)), 1)
+    viscosity = viscosity.model_copy(update={"parameters": {"warming": warming}})
+    return CaseKind.SINGLE, (viscosity,), {"warm": which == 1}
+
+
+def _strong(rng: np.random.Generator, which: int) -> Told:
+    effect = "end_cushioning" if which == 0 else str(rng.choice(IN_FORCE))
+    hidden = in_any_form(rng, effect, _joint(rng), STRONG)
+    if which == 0:  # a zone that most motions enter
+        hidden = hidden.model_copy(update={"parameters": {"zone": ZONE}})
+    return CaseKind.SINGLE, (hidden,), {}
+
+
+def _once(rng: np.random.Generator, which: int) -> Told:
+    """Friction in waves alone, of which nothing shows in what is held out; or the zero of an
+    encoder, beside an effect that all recordings carry.
+    """
+    once = {"carried": Carried.ONE}
+    if which == 0:
+        waves = in_any_form(rng, "cyclic_friction", _joint(rng), STRONG)
+        return CaseKind.OUTSIDE, (waves.model_copy(update=once),), {}
+    zero = in_any_form(rng, "encoder_offset", str(rng.choice(PLANAR_JOINTS[:2])), CLEAR)
+    second = in_any_form(rng, str(rng.choice(IN_FORCE)), _joint(rng), CLEAR)
+    return CaseKind.PAIR, (second, zero.model_copy(update=once)), {}
+
+
+def _spools(rng: np.random.Generator, which: int) -> Told:
+    effect = str(rng.choice(IN_FORCE if which == 0 else IN_FLOW))
+    return CaseKind.SINGLE, (in_any_form(rng, effect, _joint(rng), CLEAR),), {"spools": True}
+
+
+def _nothing(rng: np.random.Generator, which: int) -> Told:
+    return CaseKind.NOTHING, (), {"spools": True}
+
+
+def _joint(rng: np.random.Generator) -> str:
+    return str(rng.choice(PLANAR_JOINTS))
+
+
+TELL: dict[Story, Callable[[np.random.Generator, int], Told]] = {
+    Story.LOAD: _load,
+    Story.WARMING: _warming,
+    Story.STRONG: _strong,
+    Story.ONCE: _once,
+    Story.SPOOLS: _spools,
+    Story.NOTHING: _nothing,
+}
+
+
+class CaseSet(StrEnum):
+    """Cases of different sets share no seed, no machine and no trajectory."""
+
+    TUNING = "tuning"  # to find out what a diagnosis gets wrong
+    CALIBRATION = "calibration"  # nothing hidden, half in the field: to set thresholds
+    SCORING = "scoring"  # half of each simulator; once for each set of thresholds
+    FORMER = "former"  # scored with the thresholds before these; for tuning since
+    STRANGERS = "strangers"  # in the field: what a diagnosis once got wrong there
+    INDEPENDENT_TUNING = "independent_tuning"  # as tuning, of machines of other make
+    INDEPENDENT_CLEAN = "independent_clean"  # as calibration, of machines of other make
+
+
+SET_SEEDS = {
+    CaseSet.TUNING: 0,
+    CaseSet.CALIBRATION: 1,
+    CaseSet.FORMER: 21,
+    CaseSet.SCORING: 22,
+    CaseSet.STRANGERS: 7,
+    CaseSet.INDEPENDENT_TUNING: 12,
+    CaseSet.INDEPENDENT_CLEAN: 13,
+}
+"""Before new thresholds are locked, the scoring set becomes the former one and gets a new seed."""
+
+
 def cases(which: CaseSet, count: int) -> list[Case]:
     """The cases of a set, in an order that tells nothing."""
-    seeds = [(SEEDS[which], k) for k in range(count)]
+    seeds = [(SET_SEEDS[which], k) for k in range(count)]
     if which is CaseSet.STRANGERS:
         made = [stranger(_name(seed), seed) for seed in seeds]
     elif which is CaseSet.CALIBRATION:
-        made = [_null(seed, Site.HOME) for seed in seeds]
-    elif which is CaseSet.AWAY_CLEAN:
-        made = [_null(seed, Site.AWAY) for seed in seeds]
-    elif which is CaseSet.AWAY_TUNING:
-        made = _hiding(seeds, Site.AWAY)
+        made = [_null(seed, Simulator.PRIMARY) for seed in seeds]
+    elif which is CaseSet.INDEPENDENT_CLEAN:
+        made = [_null(seed, Simulator.INDEPENDENT) for seed in seeds]
+    elif which is CaseSet.INDEPENDENT_TUNING:
+        made = _hiding(seeds, Simulator.INDEPENDENT)
     elif which in (CaseSet.SCORING, CaseSet.FORMER):
-        made = _hiding(seeds[::2], Site.HOME) + _hiding(seeds[1::2], Site.AWAY)
+        made = _hiding(seeds[::2], Simulator.PRIMARY) + _hiding(seeds[1::2], Simulator.INDEPENDENT)
     else:
-        made = _hiding(seeds, Site.HOME)
+        made = _hiding(seeds, Simulator.PRIMARY)
     return sorted(made, key=lambda case: case.name)
 
 
@@ -79,16 +226,16 @@ def with_others(case: Case, number: int) -> Case:
         told = stranger(case.name, case.seed, number)
         return told.model_copy(update={"excitation": case.excitation})
     rng = np.random.default_rng([20261121, *case.seed, number])
-    strengths = [one.strength for one in case.effects]
-    others = drawn(rng, case.kind is CaseKind.OUTSIDE, strengths, LAWS[case.site])
-    old = {one.effect for one in case.effects}
+    strengths = [effect.strength for effect in case.effects]
+    candidates = drawn(rng, case.kind is CaseKind.OUTSIDE, strengths, LAWS[case.simulator])
+    old = {effect.effect for effect in case.effects}
     if case.world is World.FIELD:
         old.update(COLD)
     effects: list[EffectToHide] = []
     for wanted in case.effects:
-        other = next(one for one in others if one.effect not in old)
-        effects.append(other.model_copy(update={"strength": wanted.strength}))
-        old.add(other.effect)
+        replacement = next(candidate for candidate in candidates if candidate.effect not in old)
+        effects.append(replacement.model_copy(update={"strength": wanted.strength}))
+        old.add(replacement.effect)
     return case.model_copy(update={"effects": tuple(effects)})
 
 
@@ -101,19 +248,19 @@ def apportioned(shares: dict[CaseKind, float], count: int) -> dict[CaseKind, int
     return whole
 
 
-def _null(seed: tuple[int, int], site: Site) -> Case:
+def _null(seed: tuple[int, int], simulator: Simulator) -> Case:
     """Nothing hidden, every other time in the field."""
     rng = np.random.default_rng([20261121, *seed])
     return Case(
         name=_name(seed),
         kind=CaseKind.NOTHING,
-        site=site,
+        simulator=simulator,
         seed=seed,
         **(field(rng) if seed[1] % 2 else {"spools": _even(rng)}),
     )
 
 
-def _hiding(seeds: list[tuple[int, int]], site: Site) -> list[Case]:
+def _hiding(seeds: list[tuple[int, int]], simulator: Simulator) -> list[Case]:
     """Cases of all kinds in their shares; of those with designed and rich motions every other one
     is of the field.
 
@@ -121,7 +268,7 @@ def _hiding(seeds: list[tuple[int, int]], site: Site) -> list[Case]:
     """
     if not seeds:
         return []
-    rng, laws = np.random.default_rng([20261121, seeds[0][0], len(site)]), LAWS[site]
+    rng, laws = np.random.default_rng([20261121, seeds[0][0], len(simulator)]), LAWS[simulator]
     kinds = [kind for kind, n in apportioned(SHARES, len(seeds)).items() for _ in range(n)]
     single, pair = drawn(rng, False, STRENGTHS, laws), drawn(rng, False, (PAIR,), laws)
     outside = drawn(rng, True, UNKNOWN, laws)
@@ -137,16 +284,16 @@ def _hiding(seeds: list[tuple[int, int]], site: Site) -> list[Case]:
         elif kind is CaseKind.CLASS and number % 2:
             effects = (in_any_form(rng, "pressure_offset", "telescope", PAIR, laws),)
         elif kind is CaseKind.INSUFFICIENT:
-            faint = str(rng.choice([one for one in FAINT if one in laws] or list(laws)))
+            faint = str(rng.choice([effect for effect in FAINT if effect in laws] or list(laws)))
             effects = (in_any_form(rng, faint, str(rng.choice(PLANAR_JOINTS)), PAIR, laws),)
         poor = kind is CaseKind.INSUFFICIENT
-        in_field = not poor and number % 2 and all(one.effect not in COLD for one in effects)
+        in_field = not poor and number % 2 and all(effect.effect not in COLD for effect in effects)
         off = number % 4 > 1 if effects else kind is CaseKind.LENGTHS
         out.append(
             Case(
                 name=_name(seed),
                 kind=kind,
-                site=site,
+                simulator=simulator,
                 seed=seed,
                 effects=effects,
                 excitation=Richness.POOR if poor else Richness.RICH,
@@ -165,7 +312,7 @@ def _even(rng: np.random.Generator) -> bool:
 def _two(pair: Iterator[EffectToHide]) -> tuple[EffectToHide, EffectToHide]:
     """The next of them, and the next of another kind."""
     first = next(pair)
-    return first, next(one for one in pair if one.effect != first.effect)
+    return first, next(effect for effect in pair if effect.effect != first.effect)
 
 
 def _name(seed: tuple[int, int]) -> str:

@@ -14,30 +14,28 @@ from crane_benchmark.cases.case import (
     Case,
     EffectToHide,
     HiddenInRecording,
-    Site,
+    Simulator,
     World,
     recordings,
 )
 from crane_benchmark.cases.case_sets import CaseSet, cases, with_others
-from crane_benchmark.cases.clean import save_clean
 from crane_benchmark.cases.motions import Maker, Richness
-from crane_benchmark.cases.sites import drawn_effects, drawn_machine
-from crane_benchmark.folders import Folders, done, new, write_json
-from crane_benchmark.work import in_processes
+from crane_benchmark.cases.simulators import drawn_effects, drawn_machine, save_clean
+from crane_benchmark.folders import Folders, done, in_processes, new, write_json
 from crane_model.errors import CraneError, RangeError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
+from crane_sim.calibration import UnmovedError, reach
 from crane_sim.effects.form import Planted
-from crane_sim.hiding.calibrate import UnmovedError, reach
-from crane_sim.hiding.label import label
+from crane_sim.ground_truth import ground_truth
 from crane_sim.make_bag import make
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion
 
 WEAKER_FACTOR = 0.5  # what is asked for next of an effect that cannot be so strong
-ATTEMPTS = 4
+DRAW_ATTEMPTS = 4
 REDRAWN = 4  # times as many, with other effects
 
 
@@ -62,8 +60,8 @@ def make_case(job: MakingJob) -> None:
     shows, as the cushioning of an end where the boom cannot get, makes way for other effects.
     """
     case = job.case
-    for attempt in range(REDRAWN * ATTEMPTS):
-        if attempt and attempt % ATTEMPTS == 0:
+    for attempt in range(REDRAWN * DRAW_ATTEMPTS):
+        if attempt and attempt % DRAW_ATTEMPTS == 0:
             case = with_others(job.case, attempt)
         try:
             _make(replace(job, case=case), attempt)
@@ -77,14 +75,14 @@ def _make(job: MakingJob, attempt: int) -> None:
     case, folders = job.case, job.folders
     entropy = np.random.SeedSequence([20261121, *case.seed, attempt])
     of_machine, of_motions, of_effects, of_sensors, of_session = (
-        int(one.generate_state(1)[0]) for one in entropy.spawn(5)
+        int(sequence.generate_state(1)[0]) for sequence in entropy.spawn(5)
     )
     machine = load_machine()
     gains = load_gains(machine_file("controller.yaml"), machine)
     clearance = load_clearance(machine_file("clearance.yaml"))
     drawn = drawn_machine(case, machine, of_machine)
-    stand_in, build = drawn.stand_in, drawn.build
-    maker = Maker(np.random.default_rng(of_motions), machine, stand_in.start, clearance)
+    simulated, build = drawn.simulated, drawn.build
+    maker = Maker(np.random.default_rng(of_motions), machine, simulated.start, clearance)
     if case.excitation is Richness.POOR:
         train, validate = maker.poor()
         measured = maker.designed(1)[0][:1]  # how strong an effect is does not depend on the data
@@ -95,50 +93,51 @@ def _make(job: MakingJob, attempt: int) -> None:
         train, validate = maker.designed(job.sets)
         measured = train[:1]
 
-    def planted(effects: tuple[EffectToHide, ...], motion: Motion) -> tuple[Planted, ...]:
-        wanted = drawn_effects(case.site, effects, stand_in, of_effects)
-        return reach(wanted, machine, stand_in, replace(motion, periods=1), gains, build)
+    def injected(effects: tuple[EffectToHide, ...], motion: Motion) -> tuple[Planted, ...]:
+        wanted = drawn_effects(case.simulator, effects, simulated, of_effects)
+        return reach(wanted, machine, simulated, replace(motion, periods=1), gains, build)
 
-    effects, found = _strongest(planted, case.effects, measured)
+    effects, found = _strongest(injected, case.effects, measured)
     case = case.model_copy(update={"effects": effects})
     with new(folders.bags / case.name) as bags, new(folders.sealed / case.name) as sealed:
         write_json(sealed / "case.json", case.model_dump(mode="json"))
-        write_json(sealed / "stand_in.json", stand_in.model_dump(mode="json"))
+        write_json(sealed / "stand_in.json", simulated.model_dump(mode="json"))
         for place in (bags, sealed):
             save_model(place / "model.yaml", _model(case))
         for part in (TRAIN, VALIDATE):
             (bags / part).mkdir()
         rng = np.random.default_rng(of_session)
-        for seed, one in enumerate(recordings(rng, case, train, validate), of_sensors):
-            there, name = one.present(found), f"{one.part}-{one.number}"
-            bag = bags / one.part / str(one.number)
+        for seed, recording in enumerate(recordings(rng, case, train, validate), of_sensors):
+            there, name = recording.present(found), f"{recording.part}-{recording.number}"
+            bag = bags / recording.part / str(recording.number)
             clean = make(
-                bag, machine, stand_in, one.motion, gains, seed, there, one.moment,
+                bag, machine, simulated, recording.motion, gains, seed, there, recording.moment,
                 build=build, flaws=drawn.flaws,
             )  # fmt: skip
-            hidden = HiddenInRecording(effects=label(there, clean, machine))
+            hidden = HiddenInRecording(effects=ground_truth(there, clean, machine))
             hidden.write(sealed / f"{name}.json")
             save_clean(sealed / f"{name}.npz", clean)
 
 
 def _strongest(
-    planted: Callable[[tuple[EffectToHide, ...], Motion], tuple[Planted, ...]],
+    injected: Callable[[tuple[EffectToHide, ...], Motion], tuple[Planted, ...]],
     effects: tuple[EffectToHide, ...],
     motions: Sequence[Motion],
 ) -> tuple[tuple[EffectToHide, ...], tuple[Planted, ...]]:
     """As strong as asked for on the first motion that shows it so; or half of it, and so on."""
     showing = list(motions)
-    for _ in range(ATTEMPTS):
+    for _ in range(DRAW_ATTEMPTS):
         for motion in tuple(showing):
             try:
-                return effects, planted(effects, motion)
+                return effects, injected(effects, motion)
             except UnmovedError as error:  # nor would half of it do
                 showing.remove(motion)
                 reason: CraneError = error
             except RangeError as error:
                 reason = error
         effects = tuple(
-            one.model_copy(update={"strength": WEAKER_FACTOR * one.strength}) for one in effects
+            effect.model_copy(update={"strength": WEAKER_FACTOR * effect.strength})
+            for effect in effects
         )
     raise reason
 
@@ -162,7 +161,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--count", type=int, required=True, help="cases of the set")
     add("--from", type=int, default=0, dest="first", help="first case to make")
     add("--to", type=int, dest="last", help="case to stop before")
-    add("--site", type=Site, help="only cases of machines from there")
+    add("--simulator", type=Simulator, help="only cases of machines from there")
     add("--sets", type=int, default=2, help="of three recordings to train on")
     add("--quick", action="store_true", help="one short recording to train on instead")
     add("--folder", type=Path, required=True, help="of the set")
@@ -172,8 +171,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     folders = Folders(arguments.folder, arguments.round)
     there = done(folders.bags) | done(folders.answers)
     wanted = cases(arguments.which, arguments.count)[arguments.first : arguments.last]
-    if arguments.site is not None:
-        wanted = [case for case in wanted if case.site is arguments.site]
+    if arguments.simulator is not None:
+        wanted = [case for case in wanted if case.simulator is arguments.simulator]
     if arguments.quick:
         wanted = [case.model_copy(update={"excitation": Richness.POOR}) for case in wanted]
     jobs = [MakingJob(case, folders, arguments.sets) for case in wanted if case.name not in there]

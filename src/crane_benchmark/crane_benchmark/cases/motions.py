@@ -8,7 +8,7 @@ import numpy as np
 
 from crane_model.errors import RangeError
 from crane_model.machine import Machine, load_machine
-from crane_trajectory.motion.check import Clearance, pump_flow, tip_room
+from crane_trajectory.motion.check import Clearance, TipRoom, pump_flow
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import (
     FourierTrajectory,
@@ -26,8 +26,8 @@ PLANAR_JOINTS = LABORATORY_CRANE.as_planar().joints
 PLANAR = [LABORATORY_CRANE.index(joint) for joint in PLANAR_JOINTS]
 
 
-HARMONICS = 4
-ATTEMPTS = 200
+MOTION_HARMONICS = 4
+MOTION_ATTEMPTS = 200
 SHRINK = 0.85  # of a motion that does not fit, before it is tried again
 TRIES = 8  # to shrink it, before another is drawn
 FREE_SHARE = 0.05  # of the range of a joint, at both ends
@@ -139,7 +139,7 @@ class Maker:
         return self._fitting(draw, 1)
 
     def _fitting(self, draw: Callable[[float], PeriodicTrajectory], periods: int) -> Motion:
-        for _ in range(ATTEMPTS):
+        for _ in range(MOTION_ATTEMPTS):
             state = self.rng.bit_generator.state
             for attempt in range(TRIES):
                 self.rng.bit_generator.state = state
@@ -151,8 +151,8 @@ class Maker:
                 except RangeError:
                     continue
         raise RangeError(
-            f"none of {ATTEMPTS} motions fits the machine, each tried in {TRIES} sizes down to "
-            f"{SHRINK ** (TRIES - 1):.0%}; ask for slower or smaller ones"
+            f"none of {MOTION_ATTEMPTS} motions fits the machine, each tried in {TRIES} sizes down "
+            f"to {SHRINK ** (TRIES - 1):.0%}; ask for slower or smaller ones"
         )
 
 
@@ -160,7 +160,7 @@ def _has_room(machine: Machine, clearance: Clearance, trajectory: PeriodicTrajec
     """Whether tip and pump allow it at some instants: what `plan` looks at closely, but quick."""
     joints = trajectory.joint_names
     samples = trajectory.evaluate(np.linspace(0.0, trajectory.period, LOOKS))
-    room = tip_room(machine, joints, samples.position)
+    room = TipRoom(machine).at(joints, samples.position)
     flow = pump_flow(machine, joints, samples.position, samples.velocity)
     return bool((room > clearance.kept).all() and (flow < machine.hydraulics.pump_flow).all())
 
@@ -170,7 +170,7 @@ def _fourier(
     machine: Machine,
     period: float,
     size: float,
-    harmonics: int = HARMONICS,
+    harmonics: int = MOTION_HARMONICS,
 ) -> FourierTrajectory:
     """A random series, of even speed over its harmonics; `size` is the share of range or speed that
     it takes, whichever is less.

@@ -5,20 +5,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_benchmark.observing.cycles import WorkCycles
-from crane_benchmark.observing.machines import HeardWork, Observed
+from crane_benchmark.observing.machines import HeardWork, Observed, WorkCycles
 from crane_benchmark.observing.observer import heard
 from crane_model.model_file import Model
-from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.finding import Part, SensorFinding
 from crane_observer.monitor.replay import compare
-from crane_observer.monitor.signatures import Part
 from crane_observer.monitor.tolerance import Tolerance
-from crane_sim.plant.closed_loop import REST
+from crane_sim.plant.closed_loop import REST_S
 from crane_sim.sensor_faults import KINDS, TimedFault
 
-# Cases of sensors and valves that fail while the crane works: drawn, hidden, kept for scoring.
-
-SOONEST = 5.0  # s of work before a fault begins
+SOONEST_FAULT_S = 5.0  # s of work before a fault begins
 PARTS = {
     "encoder": Part.ENCODER,
     "pressure_a": Part.PRESSURE_A,
@@ -28,27 +24,6 @@ PARTS = {
     "valve": Part.VALVE,
 }
 EITHER = "pressure_a", "pressure_b"
-
-
-class Question(NamedTuple):
-    """What is asked of the monitor: found within some seconds, in a share of the cases at least."""
-
-    what: str
-    parts: tuple[str, ...]  # one of them
-    kind: str
-    sizes: tuple[float, float]  # between; 0: it has none
-    within: float  # s
-    aim: float  # share
-    weight: int  # how many cases, of WEIGHTS
-
-
-AIMS = (
-    Question("encoder stuck while moving", ("encoder",), "stuck", (0.0, 0.0), 0.3, 0.99, 4),
-    Question("encoder jumps while moving", ("encoder",), "jump", (5e-3, 5e-2), 0.3, 0.99, 4),
-    Question("encoder drifts, 1 mrad/s", ("encoder",), "drift", (1e-3, 1e-3), 10.0, 0.95, 2),
-    Question("pressure off by 1 bar", EITHER, "offset", (1e5, 1e5), 60.0, 0.95, 2),
-    Question("pressure off by 3 bar", EITHER, "offset", (3e5, 3e5), 5.0, 0.95, 2),
-)
 RANGES: dict[tuple[tuple[str, ...], str], tuple[float, float]] = {
     (("encoder",), "jump"): (3e-4, 3e-2),
     (("encoder",), "drift"): (5e-5, 5e-3),
@@ -69,6 +44,30 @@ RANGES: dict[tuple[tuple[str, ...], str], tuple[float, float]] = {
 }
 """Sizes of every kind, from hardly to be seen to plain."""
 NAMES = {"pressure_a": "chamber pressure", "pressure": "supply pressure"}
+FAULTLESS_SECONDS = 600.0  # s of a recording without fault
+HOUR = 3600.0  # s
+LEARNT_FROM = 1200.0  # s of work without fault, beside the bag of the identification
+
+
+class Question(NamedTuple):
+    """What is asked of the monitor: found within some seconds, in a share of the cases at least."""
+
+    what: str
+    parts: tuple[str, ...]  # one of them
+    kind: str
+    sizes: tuple[float, float]  # between; 0: it has none
+    within: float  # s
+    aim: float  # share
+    weight: int  # how many cases, of WEIGHTS
+
+
+FAULT_AIMS = (
+    Question("encoder stuck while moving", ("encoder",), "stuck", (0.0, 0.0), 0.3, 0.99, 4),
+    Question("encoder jumps while moving", ("encoder",), "jump", (5e-3, 5e-2), 0.3, 0.99, 4),
+    Question("encoder drifts, 1 mrad/s", ("encoder",), "drift", (1e-3, 1e-3), 10.0, 0.95, 2),
+    Question("pressure off by 1 bar", EITHER, "offset", (1e5, 1e5), 60.0, 0.95, 2),
+    Question("pressure off by 3 bar", EITHER, "offset", (3e5, 3e5), 5.0, 0.95, 2),
+)
 OTHERS = tuple(
     Question(
         f"{NAMES.get(parts[0], parts[0])} {kind}",
@@ -81,7 +80,7 @@ OTHERS = tuple(
     )
     for (parts, kind), sizes in RANGES.items()
 )
-WEIGHTS = sum(one.weight for one in (*AIMS, *OTHERS))
+WEIGHTS = sum(question.weight for question in (*FAULT_AIMS, *OTHERS))
 
 
 class FailingCase(NamedTuple):
@@ -106,7 +105,7 @@ class FailingCase(NamedTuple):
 def drawn(observed: Observed, count: int, seed: int) -> list[FailingCase]:
     """About `count` cases, each with motion and noise of its own; sizes spread over ranges."""
     cases: list[FailingCase] = []
-    for question in (*AIMS, *OTHERS):
+    for question in (*FAULT_AIMS, *OTHERS):
         asked = max(round(count * question.weight / WEIGHTS), 1)
         # each joint and part has large and small ones
         shares = np.random.default_rng([seed, len(cases), asked]).permutation(asked)
@@ -127,7 +126,7 @@ def _case(
 ) -> FailingCase:
     """The size is at `place`, 0 to 1, of its range."""
     machine = observed.machine
-    joints = [one for one in machine.joint_names if machine.cylinders[one].pressure_sensors]
+    joints = [joint for joint in machine.joint_names if machine.cylinders[joint].pressure_sensors]
     joint, part = joints[k % len(joints)], question.parts[k // len(joints) % len(question.parts)]
     low, high = question.sizes
     size = low * (high / low) ** place if low else 0.0
@@ -140,18 +139,16 @@ def _case(
 
 def _moving(observed: Observed, joint: str, seed: int, rng: np.random.Generator) -> float:
     """A moment [s of the recording] at which the joint moves fast."""
-    cycles = WorkCycles.drawn(observed.machine, observed.stand_in.start, 120.0, seed)
+    cycles = WorkCycles.drawn(observed.machine, observed.simulated.start, 120.0, seed)
     way = np.abs(np.diff(cycles.poses[:, observed.machine.index(joint)], axis=0))
-    moves = np.flatnonzero((way > 0.3 * way.max()) & (cycles.begins > SOONEST))
+    moves = np.flatnonzero((way > 0.3 * way.max()) & (cycles.begins > SOONEST_FAULT_S))
     k = moves[0]
-    return float(REST + cycles.begins[k] + rng.uniform(0.3, 0.6) * (cycles.ends - cycles.begins)[k])
+    return float(
+        REST_S + cycles.begins[k] + rng.uniform(0.3, 0.6) * (cycles.ends - cycles.begins)[k]
+    )
 
 
 # What the sensor monitor says of machines at work, with and without faults.
-
-BATCH = 600.0  # s of a recording without fault
-HOUR = 3600.0  # s
-LEARNT_FROM = 1200.0  # s of work without fault, beside the bag of the identification
 
 
 class WatchedMachine(NamedTuple):
@@ -165,7 +162,10 @@ class WatchedMachine(NamedTuple):
         """All of them; times as in the recording."""
         found = compare(work.heard, self.model, self.tolerance).findings
         later = work.begin
-        return [one._replace(found=one.found + later, onset=one.onset + later) for one in found]
+        return [
+            finding._replace(found=finding.found + later, onset=finding.onset + later)
+            for finding in found
+        ]
 
 
 class MonitorAnswer(NamedTuple):
@@ -192,8 +192,8 @@ class MonitorAnswer(NamedTuple):
 
 
 def without_fault(observed: Observed, model: Model, seed: int) -> HeardWork:
-    """BATCH of work."""
-    made, _ = observed.at_work(BATCH, seed)
+    """FAULTLESS_SECONDS of work."""
+    made, _ = observed.at_work(FAULTLESS_SECONDS, seed)
     return HeardWork(float(made.time[0]), heard(made, model, observed))
 
 
@@ -207,21 +207,21 @@ def answered(watched: WatchedMachine, case: FailingCase, work: HeardWork) -> Mon
     """What the monitor says of a case."""
     findings, onset = watched.findings(work), case.fault.onset
     assert onset is not None
-    behind = [one for one in findings if one.found >= onset]
-    first = min(behind, key=lambda one: one.found, default=None)
+    behind = [finding for finding in findings if finding.found >= onset]
+    first = min(behind, key=lambda finding: finding.found, default=None)
     return MonitorAnswer(case, onset - work.begin, len(findings) - len(behind), first)
 
 
 def smallest(answers: Sequence[MonitorAnswer], question: Question) -> float:
     """The size from which on every fault of this kind was found in time; inf where none was."""
     asked = sorted(
-        (one for one in answers if one.case.question == question),
-        key=lambda one: abs(one.case.fault.size),
+        (answer for answer in answers if answer.case.question == question),
+        key=lambda answer: abs(answer.case.fault.size),
         reverse=True,
     )
     size = float("inf")
-    for one in asked:
-        if one.delay > question.within:
+    for answer in asked:
+        if answer.delay > question.within:
             break
-        size = abs(one.case.fault.size)
+        size = abs(answer.case.fault.size)
     return size

@@ -7,26 +7,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_benchmark.measured import MeasuredRow
-from crane_benchmark.observing.beside_aims import tell
-from crane_benchmark.observing.cycles import WorkCycles
+from crane_benchmark.measured import MeasuredRow, tell
+from crane_benchmark.observing.machines import WorkCycles
 from crane_benchmark.observing.observer import MACHINES, heard, identified
 from crane_model import cli
 from crane_model.array import Array, Flags
 from crane_model.cli import between, whole
 from crane_model.errors import DataError
 from crane_model.machine import Machine
-from crane_observer.scale.scale import STANDING, UNWEIGHED, WINDOW, Scale, Weighing, weigh
-from crane_observer.scale.weighing import CENTRED
-from crane_sim.plant.closed_loop import REST
+from crane_observer.payload.estimator import (
+    PAYLOAD_WINDOW,
+    STANDING,
+    WITHOUT_ESTIMATE,
+    PayloadEstimate,
+    PayloadEstimator,
+    replay,
+)
+from crane_observer.payload.filter import CENTRED
+from crane_sim.plant.closed_loop import REST_S
 
-AIMS = {"stock": (0.005, 0.005), "hard": (0.03, 0.02)}
+PAYLOAD_AIMS = {"stock": (0.005, 0.005), "hard": (0.03, 0.02)}
 """Root mean square of the error over the load: without tare, with one."""
 COVERED = 0.90, 0.98  # share of the loads that lie in their 95 % interval
 CONFIDENCE = 1.96  # standard deviations
 LEAST_MOTION = 2.0  # s, in which a load was moved; the aims are for such
 BEFORE = 0.05  # s before a load changes, when it is read
-COLUMNS = ("what", "aim", "lifts", "error, rms", "largest", "in their 95 % interval")
+LOAD_COLUMNS = ("what", "aim", "lifts", "error, rms", "largest", "in their 95 % interval")
 
 
 class WeighedLift(NamedTuple):
@@ -50,23 +56,24 @@ class WeighedLift(NamedTuple):
 
 
 def weighed(
-    cycles: WorkCycles, time: Array, moving: Flags, found: Sequence[Weighing]
+    cycles: WorkCycles, time: Array, moving: Flags, found: Sequence[PayloadEstimate]
 ) -> list[WeighedLift]:
-    """Of loads in work that began at `REST`, each as it was known when it was put down; `moving`
+    """Of loads in work that began at `REST_S`, each as it was known when it was put down; `moving`
     (n,): whether the machine truly moved at `time` (n,) [s].
     """
     rest_before = np.concatenate([[0.0], cycles.ends[:-1]])
-    changes = REST + (rest_before + cycles.begins) / 2.0
+    changes = REST_S + (rest_before + cycles.begins) / 2.0
     moved = np.concatenate([[0.0], np.cumsum(np.diff(time) * moving[1:])])
-    times, answers, came = np.array([one.time for one in found]), [], 0.0
+    times, answers, came = np.array([weighing.time for weighing in found]), [], 0.0
     for k in np.flatnonzero(np.diff(cycles.loads) != 0.0):
         load, goes = float(cycles.loads[k]), float(changes[k + 1])
         last = int(np.searchsorted(times, goes - BEFORE)) - 1
         if load > 0.0 and last >= 0:
             told = found[last].load
             begin, end = np.interp([came, goes], time, moved)
-            first = int(np.searchsorted(times, came + WINDOW))  # of windows with this load alone
-            permitted = any(one.condition not in UNWEIGHED for one in found[first : last + 1])
+            first = int(np.searchsorted(times, came + PAYLOAD_WINDOW))
+            alone = found[first : last + 1]  # windows with this load alone
+            permitted = any(one.condition not in WITHOUT_ESTIMATE for one in alone)
             answers.append(
                 WeighedLift(load, float(end - begin), told.mass, told.deviation, permitted)
             )
@@ -77,17 +84,19 @@ def weighed(
 def in_motion(machine: Machine, joints: tuple[str, ...], velocity: Array) -> Flags:
     """(n,) whether one of the `joints` moves, with velocity (n, j) of them [rad/s, m/s]."""
     limits = [machine.limits[joint] for joint in joints]
-    fastest = np.array([min(-one.velocity_min, one.velocity_max) for one in limits])
+    fastest = np.array([min(-limit.velocity_min, limit.velocity_max) for limit in limits])
     moving: Flags = np.logical_or.reduce(np.abs(velocity) > STANDING * fastest, axis=1)
     return moving
 
 
 def measure(name: str, seconds: float, seed: int, machines: int) -> list[MeasuredRow]:
     """Of machines identified one by one, which err by their own: all lifts together."""
-    each = [lifts(name, seconds, seed + k) for k in range(machines)]
+    of_machines = [lifts(name, seconds, seed + k) for k in range(machines)]
     rows = []
-    for what, aim in zip(each[0], AIMS[name], strict=True):
-        rows += rows_of(f"{name}: {what}", aim, [one for found in each for one in found[what]])
+    for what, aim in zip(of_machines[0], PAYLOAD_AIMS[name], strict=True):
+        rows += rows_of(
+            f"{name}: {what}", aim, [lift for found in of_machines for lift in found[what]]
+        )
     return rows
 
 
@@ -97,15 +106,15 @@ def lifts(name: str, seconds: float, seed: int) -> dict[str, list[WeighedLift]]:
     observed = make_it()
     with tempfile.TemporaryDirectory() as folder:
         model = identified(observed, seed, Path(folder))
-    given = observed.machine, observed.stand_in.start, seconds, seed
+    given = observed.machine, observed.simulated.start, seconds, seed
     cycles = WorkCycles.drawn(*given, hung=CENTRED)
     made, _ = observed.at_work(seconds, seed, hung=CENTRED)
     columns = [observed.machine.index(joint) for joint in model.joints]
     moving = in_motion(observed.machine, model.joints, made.truth.velocity[:, columns])
     recording, time = heard(made, model, observed), made.time - made.time[0]
-    tares = {"without tare": np.nan, "with tare": REST + float(cycles.ends[0])}
+    tares = {"without tare": np.nan, "with tare": REST_S + float(cycles.ends[0])}
     return {
-        what: weighed(cycles, time, moving, weigh(Scale(model), recording, tared))
+        what: weighed(cycles, time, moving, replay(PayloadEstimator(model), recording, tared))
         for what, tared in tares.items()
     }
 
@@ -117,9 +126,9 @@ def rows_of(what: str, aim: float, answers: Sequence[WeighedLift]) -> list[Measu
     """
     low, high = COVERED
     words = f"{aim:.1%}; {low:.0%} to {high:.0%} in their interval"
-    little = [one for one in answers if one.moved < LEAST_MOTION]
-    refused = [one for one in answers if one.moved >= LEAST_MOTION and not one.permitted]
-    enough = [one for one in answers if one.moved >= LEAST_MOTION and one.permitted]
+    little = [lift for lift in answers if lift.moved < LEAST_MOTION]
+    refused = [lift for lift in answers if lift.moved >= LEAST_MOTION and not lift.permitted]
+    enough = [lift for lift in answers if lift.moved >= LEAST_MOTION and lift.permitted]
     if not enough:
         raise DataError(
             f"{what}: of {len(answers)} loads, none was moved for {LEAST_MOTION:g} s or more in a "
@@ -134,7 +143,7 @@ def rows_of(what: str, aim: float, answers: Sequence[WeighedLift]) -> list[Measu
 
 
 def _row(what: list[str], values: dict[str, float], answers: Sequence[WeighedLift]) -> MeasuredRow:
-    errors = np.array([one.error for one in answers])
+    errors = np.array([lift.error for lift in answers])
     return MeasuredRow(
         cells=[*what, "{lifts:.0f}", "{rms:.2%}", "{largest:.1%}", "{covered:.1%}"],
         values={
@@ -142,7 +151,7 @@ def _row(what: list[str], values: dict[str, float], answers: Sequence[WeighedLif
             "lifts": float(len(errors)),
             "rms": float(np.sqrt(np.mean(errors**2))),
             "largest": float(np.abs(errors).max()),
-            "covered": float(np.mean([one.covered for one in answers])),
+            "covered": float(np.mean([lift.covered for lift in answers])),
         },
     )
 
@@ -178,6 +187,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         given = arguments.seconds, arguments.seed, arguments.machines
         rows = [row for name in MACHINES for row in measure(name, *given)]
         command = "ros2 run crane_benchmark loads --seconds {:g} --seed {} --machines {}"
-        tell(rows, COLUMNS, command.format(*given), arguments.out, missed(rows))
+        tell(rows, LOAD_COLUMNS, command.format(*given), arguments.out, missed(rows))
 
     return cli.run(body)

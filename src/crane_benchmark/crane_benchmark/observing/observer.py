@@ -13,9 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from crane_benchmark.measured import MeasuredRow
-from crane_benchmark.observing.beside_aims import tell
-from crane_benchmark.observing.consistency import Consistency, FreedomWatch, of_recordings
+from crane_benchmark.measured import MeasuredRow, tell
 from crane_benchmark.observing.machines import Observed, hard, stock
 from crane_identification.identify import main as identify
 from crane_model import cli
@@ -24,9 +22,10 @@ from crane_model.errors import CraneError
 from crane_model.kinematics import tip_position
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
-from crane_observer.position.replay import EstimatedCourse, replay, replay_smoothed
-from crane_observer.position.sensor import ENCODER, PositionSensor
-from crane_observer.position.state import Trust
+from crane_observer.position.estimator import ENCODER_DEVIATION, PositionEstimator
+from crane_observer.position.filter import Filter
+from crane_observer.position.replay import EstimatedCourse, replay, replay_smoothed, transition
+from crane_observer.position.state import KeptGaussian, Trust
 from crane_observer.recording import HeardRecording
 from crane_sim.make_bag import make
 from crane_sim.plant.closed_loop import SimulatedRecording
@@ -34,11 +33,123 @@ from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
 
-# The position sensor on machines at work, beside flow alone and a filter that knows no load.
+# Whether standard deviations of a recording are right, whose errors stay from window to window.
+#
+# A filter that is right makes errors e with covariance P, so that the normalised error squared
+# (NEES) e^T P^-1 e of d errors has mean d at each moment (Bar-Shalom, Li and Kirubarajan,
+# Estimation with Applications to Tracking and Navigation, 2001, 5.4). They test it over independent
+# runs: the errors of one run are not independent, and its mean in time scatters far more. How much
+# follows from the same filter. It also says how errors go on, e' = S e + noise, so that normalised
+# errors at moments k and m, z = L^-1 e with P = L L^T, have the covariance
+#
+#     R_km = L_k^-1 S_k ... S_(m+1) P_m L_m^-T.
+#
+# The mean in time of |z|^2 over n moments is then a weighted sum of squares, whose weights are the
+# eigenvalues of R: it has mean d and, over d, as much variance as chi-square with f = (n d)^2 /
+# |R|^2 degrees of freedom (Satterthwaite 1946), between 1 and n d.
 
+SURE = 0.95
+COUNTED_EVERY = 10  # windows, of which one counts: errors stay for longer
 NO_FORCE = 1e12  # Pa, noise of a force balance that is not to count
 OFF = 0.3  # rad or m
 CONVERGED = 60.0  # s of motion
+MACHINES: dict[str, tuple[Callable[[], Observed], tuple[float, ...], float]] = {
+    "stock": (stock, (2e-3, 2e-3, 5e-3), 0.01),
+    "hard": (hard, (10e-3, 10e-3, 20e-3), 0.06),
+}
+"""How it is made; aims with one encoder missing [rad, rad, m], and of the tip with all [m]."""
+PERIODS = 5  # of the excitation, for the identification
+OBSERVER_COLUMNS = (
+    "what", "aim", "position sensor", "worst recording", "smoothed", "flow alone", "without load",
+    "NEES", "its 95 % band", "recordings in their band", "in 95 % ellipsoid", "smoothed NEES",
+)  # fmt: skip
+
+
+class Consistency(NamedTuple):
+    """Of normalised errors squared over their dimension, in one recording or several."""
+
+    nees: float  # mean; 1 where standard deviations are right
+    freedom: float  # degrees of freedom of that mean
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """In which the mean of a filter that is right is in 95 of 100 recordings."""
+        tails = [(1.0 - SURE) / 2.0, (1.0 + SURE) / 2.0]
+        low, high = chi2.ppf(tails, self.freedom) / self.freedom
+        return float(low), float(high)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the mean is in its band."""
+        low, high = self.band
+        return low <= self.nees <= high
+
+
+def of_recordings(found: Sequence[Consistency]) -> Consistency:
+    """The mean of independent recordings, which scatters less: variances 2 / f add up."""
+    nees = float(np.mean([recording.nees for recording in found]))
+    return Consistency(nees, len(found) ** 2 / sum(1.0 / recording.freedom for recording in found))
+
+
+class Freedom:
+    """Degrees of freedom of the mean NEES of d of the n errors of a filter."""
+
+    def __init__(self, places: np.ndarray):
+        """`places` (d,) of these among the errors."""
+        self._places = places
+        self._on: np.ndarray | None = None  # (n, m d): P_m L_m^-T of all m, as they have gone on
+        self._squares = 0.0  # |R|^2
+        self._moments = 0
+
+    def add(self, transition: np.ndarray, covariance: np.ndarray) -> None:
+        """One more moment: S (n, n) since the last, and P (n, n)."""
+        places = self._places
+        root = np.linalg.cholesky(covariance[np.ix_(places, places)])
+        now = np.linalg.solve(root, covariance[places]).T
+        if self._on is None:
+            self._on = now
+        else:
+            self._on = transition @ self._on
+            alike = np.linalg.solve(root, self._on[places])
+            self._squares += 2.0 * float((alike**2).sum())
+            self._on = np.concatenate([self._on, now], axis=1)
+        self._squares += len(places)
+        self._moments += 1
+
+    @property
+    def value(self) -> float:
+        """Between 1 and n d."""
+        return (self._moments * len(self._places)) ** 2 / self._squares
+
+
+class FreedomWatch:
+    """That of a filter at work, from a time on."""
+
+    def __init__(self, filter_: Filter, hidden: np.ndarray, since: float):
+        """`hidden` (j,) whose errors count, from windows that end after `since` [s] on. The filter
+        keeps its steps from now on.
+        """
+        self._state = filter_.state = KeptGaussian(filter_.state)
+        self._freedom, self._since = Freedom(np.flatnonzero(hidden)), since
+        self._passed, self._windows = np.eye(len(filter_.state.x)), 0
+
+    def __call__(self, time: float) -> None:
+        """A window that ends at `time` [s] is done."""
+        for step in self._state.steps:
+            self._passed = transition(step) @ self._passed
+        self._state.steps.clear()
+        if time > self._since and self._windows % COUNTED_EVERY == 0:
+            self._freedom.add(self._passed, self._state.P)
+            self._passed = np.eye(len(self._passed))
+        self._windows += 1
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the mean NEES."""
+        return self._freedom.value
+
+
+# The position sensor on machines at work, beside flow alone and a filter that knows no load.
 
 
 class Errors(NamedTuple):
@@ -102,11 +213,11 @@ class ObservedRecording(NamedTuple):
     def observe_and_smooth(
         self, hidden: np.ndarray, off: float = 0.0
     ) -> tuple[Errors, Errors, Consistency]:
-        """The same by the position sensor, and with all that came later."""
+        """The same by the position estimator, and with all that came later."""
         recording = heard(self.made, self.model, self.observed)
         sensor = self._sensor(recording, hidden, FILTER, off)
-        (one,) = sensor.hypotheses.filters
-        watch = FreedomWatch(one, hidden, _counted_from(off))
+        (filter_,) = sensor.hypotheses.filters
+        watch = FreedomWatch(filter_, hidden, _counted_from(off))
         course, smoothed = replay_smoothed(sensor, recording, hidden, watch)
         told = self._errors(recording, course, hidden, off)
         return (
@@ -117,14 +228,16 @@ class ObservedRecording(NamedTuple):
 
     def _sensor(
         self, recording: HeardRecording, hidden: np.ndarray, kind: Kind, off: float
-    ) -> PositionSensor:
+    ) -> PositionEstimator:
         limits = [self.observed.machine.limits[joint] for joint in self.model.joints]
         start = np.clip(
             recording.encoders[0] + np.where(hidden, off, 0.0),
-            [one.position_min for one in limits],
-            [one.position_max for one in limits],
+            [limit.position_min for limit in limits],
+            [limit.position_max for limit in limits],
         )
-        return PositionSensor(self.model, start, max(off, ENCODER), kind.trust(self.model))
+        return PositionEstimator(
+            self.model, start, max(off, ENCODER_DEVIATION), kind.trust(self.model)
+        )
 
     def _errors(
         self, recording: HeardRecording, course: EstimatedCourse, hidden: np.ndarray, off: float
@@ -157,29 +270,17 @@ def _counted_from(off: float) -> float:
     return CONVERGED if off else 0.0
 
 
-MACHINES: dict[str, tuple[Callable[[], Observed], tuple[float, ...], float]] = {
-    "stock": (stock, (2e-3, 2e-3, 5e-3), 0.01),
-    "hard": (hard, (10e-3, 10e-3, 20e-3), 0.06),
-}
-"""How it is made; aims with one encoder missing [rad, rad, m], and of the tip with all [m]."""
-PERIODS = 5  # of the excitation, for the identification
-COLUMNS = (
-    "what", "aim", "position sensor", "worst recording", "smoothed", "flow alone", "without load",
-    "NEES", "its 95 % band", "recordings in their band", "in 95 % ellipsoid", "smoothed NEES",
-)  # fmt: skip
-
-
 def identified(observed: Observed, seed: int, folder: Path) -> Model:
-    """The model that `identify` makes of a bag of this machine; never its planted values."""
+    """The model that `identify` makes of a bag of this machine; never its true values."""
     motion = plan(
         observed.machine,
         load_trajectory(machine_file("excitation_20s.yaml")),
-        observed.stand_in.start,
+        observed.simulated.start,
         PERIODS,
         load_clearance(machine_file("clearance.yaml")),
     )
     bag, out = folder / "train", folder / "model"
-    make(bag, observed.machine, observed.stand_in, motion, observed.gains, seed, observed.hidden)
+    make(bag, observed.machine, observed.simulated, motion, observed.gains, seed, observed.hidden)
     given = ["--model", str(machine_file("model.yaml")), "--train", str(bag), "--out", str(out)]
     if identify(given) != 0:
         raise CraneError(f"{bag}: the machine was not identified; the lines above say why")
@@ -191,7 +292,7 @@ class ObservedQuantity(NamedTuple):
 
     what: str
     aim: float
-    errors: tuple[float, ...]  # of the position sensor, smoothed, by flow alone, without load
+    errors: tuple[float, ...]  # of the position estimator, smoothed, by flow alone, without load
     sensor: Errors
     smoothed: Errors
     consistency: Consistency
@@ -208,8 +309,8 @@ def measure(name: str, duration: float, seed: int) -> list[ObservedQuantity]:
 
     def add(what: str, aim: float, hidden: np.ndarray, joint: int | None, off: float) -> None:
         sensor, smoothed, consistency = watched.observe_and_smooth(hidden, off)
-        others = [watched.observe(hidden, kind, off) for kind in (FLOW, NO_LOAD)]
-        errors = tuple(one.shown(joint) for one in (sensor, smoothed, *others))
+        alternatives = [watched.observe(hidden, kind, off) for kind in (FLOW, NO_LOAD)]
+        errors = tuple(estimate.shown(joint) for estimate in (sensor, smoothed, *alternatives))
         title = f"{name}: {what}"
         outcomes.append(ObservedQuantity(title, aim, errors, sensor, smoothed, consistency))
 
@@ -225,19 +326,19 @@ def measure(name: str, duration: float, seed: int) -> list[ObservedQuantity]:
 
 def together(outcomes: Sequence[ObservedQuantity]) -> MeasuredRow:
     """One quantity in all recordings: root mean squares, and the worst of them."""
-    errors = np.array([one.errors for one in outcomes])
+    errors = np.array([outcome.errors for outcome in outcomes])
     rms = np.sqrt((errors**2).mean(axis=0))
     values = dict(zip(("sensor", "smoothed", "flow", "no_load"), map(float, rms), strict=True))
     values["worst"] = float(errors[:, 0].max())
-    every = of_recordings([one.consistency for one in outcomes])
+    every = of_recordings([outcome.consistency for outcome in outcomes])
     values["nees"], (values["low"], values["high"]) = every.nees, every.band
-    values["inside"] = 100.0 * float(np.mean([one.sensor.inside for one in outcomes]))
-    values["consistent"] = float(sum(one.consistency.holds for one in outcomes))
-    values["smoothed_nees"] = float(np.mean([one.smoothed.nees for one in outcomes]))
+    values["inside"] = 100.0 * float(np.mean([outcome.sensor.inside for outcome in outcomes]))
+    values["consistent"] = float(sum(outcome.consistency.holds for outcome in outcomes))
+    values["smoothed_nees"] = float(np.mean([outcome.smoothed.nees for outcome in outcomes]))
     values |= {"recordings": float(len(outcomes)), "aim": outcomes[0].aim}
     shown = ("sensor", "worst", "smoothed", "flow", "no_load", "nees")
     return MeasuredRow(
-        cells=[outcomes[0].what, f"{outcomes[0].aim:g}", *(f"{{{one}:.2f}}" for one in shown),
+        cells=[outcomes[0].what, f"{outcomes[0].aim:g}", *(f"{{{name}:.2f}}" for name in shown),
                "{low:.2f} to {high:.2f}", "{consistent:.0f} of {recordings:.0f}",
                "{inside:.0f} %", "{smoothed_nees:.2f}"],
         values=values,
@@ -245,7 +346,7 @@ def together(outcomes: Sequence[ObservedQuantity]) -> MeasuredRow:
 
 
 def missed(rows: Sequence[MeasuredRow]) -> list[str]:
-    """What the position sensor does not reach, in words."""
+    """What the position estimator does not reach, in words."""
     return [
         f"{row.cells[0]}: {row.values['sensor']:.2f}, aim {row.values['aim']:g}"
         for row in rows
@@ -254,7 +355,7 @@ def missed(rows: Sequence[MeasuredRow]) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure the position sensor on machines at work: root mean square errors, beside its aims.
+    """Measure the position estimator on machines at work: root mean square errors, beside its aims.
 
     The exit status is 1 where an aim is missed.
     """
@@ -275,13 +376,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         with ProcessPoolExecutor() as processes:
             found = list(processes.map(measure, *zip(*runs, strict=True)))
         by_what: dict[str, list[ObservedQuantity]] = {}
-        for one in chain.from_iterable(found):
-            by_what.setdefault(one.what, []).append(one)
+        for outcome in chain.from_iterable(found):
+            by_what.setdefault(outcome.what, []).append(outcome)
         rows = [together(outcomes) for outcomes in by_what.values()]
         command = (
             f"ros2 run crane_benchmark observer --seconds {arguments.seconds:g} "
             f"--seed {arguments.seed} --recordings {arguments.recordings}"
         )
-        tell(rows, COLUMNS, command, arguments.out, missed(rows))
+        tell(rows, OBSERVER_COLUMNS, command, arguments.out, missed(rows))
 
     return cli.run(body)

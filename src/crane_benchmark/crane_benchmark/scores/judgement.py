@@ -19,7 +19,7 @@ Place = tuple[str, str]
 SCALES = {"linkage_scale", "pressure_gain"}  # what scales the whole force of a joint
 OURS = "diagnose"  # among the names of methods
 AND_MORE = "named_and_more"  # right where its names are, though it does not say that this is all
-NAMING = {"named", AND_MORE, "class"}  # verdicts that name effects
+NAMING = {"named", AND_MORE, "ambiguous"}  # verdicts that name effects
 
 
 class Judgement(StrEnum):
@@ -48,14 +48,14 @@ class BlindAnswer(ResultPart):
     def of_diagnosis(cls, said: CaseAnswer) -> "BlindAnswer":
         """What a diagnosis said."""
         found = said.findings.findings if said.findings else []
-        members = ((finding, *finding.class_members) for finding in found)
+        members = ((finding, *finding.ambiguity_group) for finding in found)
         places = tuple(tuple((one.effect, one.joint) for one in several) for several in members)
         return cls(verdict=said.verdict, findings=places)
 
     @classmethod
     def of_names(cls, names: Sequence[Place]) -> "BlindAnswer":
         """Of a method that only names effects."""
-        return cls(verdict="named" if names else "none", findings=tuple((one,) for one in names))
+        return cls(verdict="named" if names else "none", findings=tuple((name,) for name in names))
 
     @property
     def headline(self) -> str:
@@ -81,8 +81,8 @@ def laws() -> dict[str, list[str]]:
     return {effect: several for effect, several in found.items() if len(several) > 1}
 
 
-def _same(one: Place, other: Place) -> bool:
-    return one[1] == other[1] and effect_of(one[0]) == effect_of(other[0])
+def _same(first: Place, second: Place) -> bool:
+    return first[1] == second[1] and effect_of(first[0]) == effect_of(second[0])
 
 
 def judge(
@@ -118,7 +118,7 @@ def judge(
         shown = above_noise or kind is not CaseKind.LENGTHS
         return Judgement.MISSED if shown else Judgement.RIGHT
     rest = without_lengths(answer, hidden) if off else answer
-    of_lengths = (one for one in answer.findings if one not in rest.findings)
+    of_lengths = (finding for finding in answer.findings if finding not in rest.findings)
     wide = any(effect not in SCALES for members in of_lengths for effect, _ in members)
     outcome = _beside_lengths(kind, hidden, rest, twin)
     return Judgement.TOO_WIDE if wide and outcome is Judgement.RIGHT else outcome
@@ -126,21 +126,18 @@ def judge(
 
 def without_lengths(answer: BlindAnswer, hidden: Sequence[Place]) -> BlindAnswer:
     """The answer without what is said of lengths that are not the file's."""
-    rest = tuple(one for one in answer.findings if not _of_lengths(one, hidden))
+    rest = tuple(finding for finding in answer.findings if not _of_lengths(finding, hidden))
     return answer.model_copy(update={"findings": rest})
 
 
 def _of_lengths(members: Sequence[Place], hidden: Sequence[Place]) -> bool:
     """Whether a finding is what such a linkage is to its joint, and not what is hidden besides."""
-    meant = any(_same(place, one) for one in members for place in hidden)
+    meant = any(_same(place, member) for member in members for place in hidden)
     return not meant and any(effect in SCALES for effect, _ in members)
 
 
 def _beside_lengths(
-    kind: CaseKind,
-    hidden: Sequence[Place],
-    answer: BlindAnswer,
-    twin: Callable[[int, Place], bool],
+    kind: CaseKind, hidden: Sequence[Place], answer: BlindAnswer, twin: Callable[[int, Place], bool]
 ) -> Judgement:
     """What an answer that names something says beside the lengths that it names."""
     if kind is CaseKind.LENGTHS:
@@ -166,13 +163,13 @@ def _of_twins(
     known = {(effect, "telescope") for effect in TWINS}
     classes = [set(members) for members in answer.findings if set(members) & known]
     further = [members for members in answer.findings if not set(members) & known]
-    laws = [[any(_same(one, place) for place in hidden) for one in own] for own in further]
+    laws = [[any(_same(name, place) for place in hidden) for name in named] for named in further]
     if len(classes) != 1 or not all(map(any, laws)):
         return Judgement.WRONG_NAME
     found = classes[0]
     if len(found & known) < 2:
         return Judgement.WRONG_NAME  # picks one where nothing tells them apart
-    alike = all(twin(0, one) for one in found - known)
+    alike = all(twin(0, place) for place in found - known)
     return Judgement.RIGHT if alike and all(map(all, laws)) else Judgement.TOO_WIDE
 
 
@@ -183,12 +180,14 @@ def _named(
     found: set[int] = set()
     wide = False
     for members in answer.findings:
-        meant = [i for i, place in enumerate(hidden) if any(_same(place, one) for one in members)]
+        meant = [
+            i for i, place in enumerate(hidden) if any(_same(place, member) for member in members)
+        ]
         if not meant:
             return Judgement.WRONG_NAME
-        own = next((i for i in meant if i not in found), meant[0])
-        found.add(own)
-        wide |= not all(_same(one, hidden[own]) or twin(own, one) for one in members)
+        chosen = next((i for i in meant if i not in found), meant[0])
+        found.add(chosen)
+        wide |= not all(_same(member, hidden[chosen]) or twin(chosen, member) for member in members)
     if len(found) < len(hidden):
         return Judgement.PARTLY
     return Judgement.TOO_WIDE if wide else Judgement.RIGHT

@@ -12,19 +12,24 @@ from rich.console import Console
 
 from crane_benchmark.answers.answer_cases import CaseAnswer
 from crane_benchmark.cases.case_sets import CaseSet
-from crane_benchmark.folders import ANSWER, ROW, Folders, done, new
-from crane_benchmark.scores import figures, frozen, published
+from crane_benchmark.folders import ANSWER, ROW, Folders, done, in_processes, new
+from crane_benchmark.scores import figures, locked, published
 from crane_benchmark.scores.judgement import OURS, BlindAnswer, Judgement, judge
-from crane_benchmark.scores.printed import notes, tables
-from crane_benchmark.scores.summary import BenchmarkResults, CaseRow, ScoredEffect, by_site, summary
+from crane_benchmark.scores.published import notes, tables
+from crane_benchmark.scores.summary import (
+    BenchmarkResults,
+    CaseRow,
+    ScoredEffect,
+    by_simulator,
+    summary,
+)
 from crane_benchmark.scores.truth import CaseTruth, load_truth
-from crane_benchmark.work import in_processes
-from crane_identification.diagnosis.findings_file import Findings
-from crane_identification.diagnosis.search.loads import LOADS
+from crane_identification.diagnosis.findings import Findings
+from crane_identification.diagnosis.search.candidates import LOADS
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Load
 
-WIDTH = 144  # of the tables; narrower, their columns break
+TABLE_WIDTH = 144  # of the tables; narrower, their columns break
 NAMED = (Judgement.RIGHT, Judgement.TOO_WIDE, Judgement.PARTLY)  # where effects are named
 
 
@@ -55,14 +60,14 @@ def score_case(job: ScoringJob) -> None:
     row = CaseRow(
         case=job.name,
         kind=truth.case.kind,
-        site=truth.case.site,
+        simulator=truth.case.simulator,
         world=truth.case.world,
         off=truth.case.off,
         story=truth.case.story,
         excitation=truth.case.excitation,
         hidden=[
-            ScoredEffect(wanted=one, reached=s, visibility=v)
-            for one, s, v in zip(
+            ScoredEffect(wanted=effect, reached=s, visibility=v)
+            for effect, s, v in zip(
                 truth.case.effects, truth.strength, truth.visibility(model), strict=True
             )
         ],
@@ -82,7 +87,7 @@ def score_case(job: ScoringJob) -> None:
 
 
 def _closed(truth: CaseTruth, model: Model, given: Path, found: Findings) -> float:
-    carried = {int(Path(one.recording).name): one.value or 0.0 for one in found.gap.loads}
+    carried = {int(Path(one.recording).name): one.value or 0.0 for one in found.model_error.loads}
     return truth.closed(model, carrying(load_model(given / "model.yaml"), carried))
 
 
@@ -94,7 +99,7 @@ def carrying(model: Model, carried: dict[int, float]) -> Model:
         new = term.model_copy(update={LOADS: tuple(Load(runs=(number,)) for number in carried)})
         part = model.part(term)
         values = (model.theta[: part.start], [*carried.values()], model.theta[part.stop :])
-        terms = tuple(new if one == term else one for one in model.terms)
+        terms = tuple(new if kept == term else kept for kept in model.terms)
         return replace(model, terms=terms, values=np.concatenate(values), std_devs=None)
     return model
 
@@ -103,7 +108,7 @@ def _learnt(found: Findings, gap: np.ndarray) -> float:
     """Share of the explainable gap (j,) that the flexible learner closes on the same recordings."""
     gained = sum(
         (one.force_relative_error or 0.0) ** 2 - (one.best_achievable or 0.0) ** 2
-        for one in found.gap.before.values()
+        for one in found.model_error.before.values()
     )
     return min(gained / float((gap**2).sum()), 1.0)
 
@@ -122,19 +127,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     if waiting:
         in_processes(score_case, waiting, arguments.workers, "scores")
     scored = [CaseRow.read(folders.rows / name / ROW) for name in sorted(done(folders.rows))]
-    found, thresholds = summary(scored), frozen.digest(frozen.state())
-    sites = by_site(scored)
-    of_sites = {site: summary(rows) for site, rows in sites.items()}
-    BenchmarkResults(thresholds=thresholds, summary=found, sites=of_sites, cases=scored).write(
-        folders.results
-    )
-    console = Console(width=WIDTH)
-    for site, rows in sites.items():
-        place = folders.scores / site.value if len(sites) > 1 else folders.scores
+    found, thresholds = summary(scored), locked.digest(locked.state())
+    simulators = by_simulator(scored)
+    of_simulators = {simulator: summary(rows) for simulator, rows in simulators.items()}
+    BenchmarkResults(
+        thresholds=thresholds, summary=found, simulators=of_simulators, cases=scored
+    ).write(folders.results)
+    console = Console(width=TABLE_WIDTH)
+    for simulator, rows in simulators.items():
+        place = folders.scores / simulator.value if len(simulators) > 1 else folders.scores
         place.mkdir(exist_ok=True)
         figures.write(place, rows)
-        published.write(place / "figures.json", of_sites[site], CaseSet(folders.top.name), site)
-        console.print(*tables(of_sites[site], site))
+        published.write(
+            place / "figures.json", of_simulators[simulator], CaseSet(folders.top.name), simulator
+        )
+        console.print(*tables(of_simulators[simulator], simulator))
     console.print(*notes(), sep="\n", highlight=False)
     print(f"written: {folders.results}, and figures beside it")
     return 0

@@ -7,19 +7,18 @@ import numpy as np
 from scipy.stats import binomtest, bootstrap
 
 from crane_benchmark.answers.answer_cases import AnswerStatistics
-from crane_benchmark.cases.case import CaseKind, EffectToHide, Site, Story, World
+from crane_benchmark.cases.case import CaseKind, EffectToHide, Simulator, Story, World
 from crane_benchmark.cases.case_sets import STRENGTHS
 from crane_benchmark.cases.motions import Richness
 from crane_benchmark.scores.judgement import AND_MORE, OURS, BlindAnswer, Judgement
 from crane_identification.thresholds import load_thresholds
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
-# Rates and medians with 95 % intervals.
-
-FEWEST = 3  # values, below which a median has no interval
+FEWEST_VALUES_OF_MEDIAN = 3  # values, below which a median has no interval
 
 Interval = tuple[float, float]
 """Both ends."""
+VISIBLE_SHARE = 0.05  # share of an effect that recordings can show, below which they do not
 
 
 class Rate(ResultPart):
@@ -62,7 +61,7 @@ def median(values: Sequence[float]) -> Median:
     if len(finite) == 0:
         return Median(of=0, median=None, interval=None)
     interval = None
-    if len(finite) >= FEWEST:
+    if len(finite) >= FEWEST_VALUES_OF_MEDIAN:
         found = bootstrap(
             (finite,), np.median, method="percentile", rng=np.random.default_rng(1)
         ).confidence_interval
@@ -91,7 +90,7 @@ class CaseRow(ResultFile):
     """Its name."""
     kind: CaseKind
     """What sort of case it is."""
-    site: Site
+    simulator: Simulator
     """Whose machine it is."""
     world: World
     """Where it comes from."""
@@ -124,8 +123,6 @@ class CaseRow(ResultFile):
     closed_by_learner: Number
     """Share that the flexible learner closes [-]."""
 
-
-VISIBLE_SHARE = 0.05  # share of an effect that recordings can show, below which they do not
 
 Power = dict[float, Rate]
 """By the strength that was asked for."""
@@ -215,8 +212,8 @@ class BenchmarkResults(ResultFile):
     """Digest of everything that decides."""
     summary: BenchmarkSummary
     """Of all."""
-    sites: dict[Site, BenchmarkSummary]
-    """Of the machines of each site."""
+    simulators: dict[Simulator, BenchmarkSummary]
+    """Of the machines of each simulator."""
     cases: list[CaseRow]
     """One by one."""
 
@@ -244,12 +241,12 @@ def summary(rows: Sequence[CaseRow]) -> BenchmarkSummary:
     )
 
 
-def by_site(rows: Sequence[CaseRow]) -> dict[Site, list[CaseRow]]:
-    """The rows of each site of which there are any."""
-    found: dict[Site, list[CaseRow]] = {}
-    for site in Site:
-        if own := [row for row in rows if row.site is site]:
-            found[site] = own
+def by_simulator(rows: Sequence[CaseRow]) -> dict[Simulator, list[CaseRow]]:
+    """The rows of each simulator of which there are any."""
+    found: dict[Simulator, list[CaseRow]] = {}
+    for simulator in Simulator:
+        if rows_of_simulator := [row for row in rows if row.simulator is simulator]:
+            found[simulator] = rows_of_simulator
     return found
 
 
@@ -280,7 +277,9 @@ def of_kind(rows: Sequence[CaseRow], kind: CaseKind) -> list[CaseRow]:
 
 def identifiable(row: CaseRow) -> bool:
     """Whether the clean recordings show every effect of the case, by its visibility."""
-    return all(one.visibility is None or one.visibility >= VISIBLE_SHARE for one in row.hidden)
+    return all(
+        effect.visibility is None or effect.visibility >= VISIBLE_SHARE for effect in row.hidden
+    )
 
 
 def share(

@@ -7,22 +7,22 @@ from pathlib import Path
 import numpy as np
 
 from crane_benchmark.cases.case import Case, CaseKind, HiddenInRecording
-from crane_benchmark.cases.clean import Seen, load_seen
 from crane_benchmark.cases.motions import LABORATORY_CRANE, PLANAR_JOINTS
+from crane_benchmark.cases.simulators import Seen, load_seen
 from crane_benchmark.folders import read_json
 from crane_benchmark.scores.judgement import Place
-from crane_identification.diagnosis.findings_file import Findings
-from crane_identification.diagnosis.flow.usual import Usual, load_usual
+from crane_identification.diagnosis.findings import Findings
+from crane_identification.diagnosis.flow import Usual, load_usual
 from crane_identification.diagnosis.search.candidates import WHOLE, Candidate, Given
 from crane_model.cylinders import lever_arms
 from crane_model.errors import CraneError
-from crane_model.flow.valve import EDGES, asymmetry
+from crane_model.flow import EDGES, asymmetry
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY, Term
-from crane_sim.effects.flow import LAMINAR
-from crane_sim.hiding.label import LabelledEffect
-from crane_sim.parts.parameters import StandIn
+from crane_sim.effects.flow import MAX_LAMINAR_PA
+from crane_sim.ground_truth import TrueEffect
+from crane_sim.parts.parameters import SimulatedCrane
 
 # How far a hidden effect on the flow of oil leaves what a machine's data sheet calls usual.
 #
@@ -35,77 +35,10 @@ WALLS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "long_hose": lambda ratio: 1.0 / np.sqrt(1.0 + ratio),
 }
 """How much a wall still gives, by its law, at a pressure over that which stiffens it."""
-
-
-def beyond_usual(
-    effect: LabelledEffect, stand_in: StandIn, record: Record, usual: Usual
-) -> float | None:
-    """Share of the quantity's value that lies beyond the limit; 0 of a usual one.
-
-    `record` is what was recorded without noise. None where the data
-    sheet has no such quantity.
-    """
-    joint, given = effect.joint, {one.name: one.value for one in effect.parameters}
-    if joint is None:
-        return None
-    p_a, p_b = _pressures(joint, record)
-    valve = stand_in.valves[joint]
-    match effect.name:
-        case "valve_dead_zone":
-            own = valve.dead_zone
-            band = given["band"] * (1.0 + abs(given.get("lean", 0.0)))
-            value = own + abs(valve.null_bias) + (1.0 - own) * band
-            limit = usual.dead_zone[joint]
-        case "valve_hysteresis":
-            # of two plays the mean, of half the weight each
-            value = given["width"] * (1.0 + given.get("inner", 1.0)) / 2.0
-            limit = usual.hysteresis
-        case "valve_asymmetry":
-            more, less = 1.0 + given["share"], 1.0 - given["share"]
-            if effect.form == "one_way":
-                more, less = 1.0 + 2.0 * given["share"], 1.0
-            gains = [getattr(valve.edges, edge) for edge in EDGES]
-            value = abs(asymmetry(np.array(gains) * (more, less, less, more)))
-            limit = usual.asymmetry
-        case "internal_leakage":
-            value = stand_in.cylinders[joint].leakage + _leak(effect.form, given, joint, record)
-            limit = usual.leakage_of(joint)
-        case "oil_compressibility":
-            ratio = np.maximum(np.stack([p_a, p_b]), 0.0) / given["stiffening"]
-            softer = 1.0 + float((given["softness"] * WALLS[effect.form](ratio)).mean())
-            value, limit = softer / stand_in.oil.bulk_modulus, 1.0 / usual.bulk_modulus
-        case _:
-            return None
-    return 0.0 if value <= limit else 1.0 - limit / value
-
-
-def _leak(form: str, given: Mapping[str, float], joint: str, record: Record) -> float:
-    """Its mean conductance [m3/(s Pa)]."""
-    p_a, p_b = _pressures(joint, record)
-    drop, size = np.abs(p_a - p_b), given["conductance"]
-    if form == "orifice":
-        return float((size / np.sqrt(np.hypot(drop, LAMINAR))).mean())
-    if form == "widening":
-        return size * (1.0 + float(drop.mean()) / given["widening"])
-    limits = LABORATORY_CRANE.limits[joint]
-    middle = (limits.position_max + limits.position_min) / 2.0
-    half = (limits.position_max - limits.position_min) / 2.0
-    place = (record.position[:, record.column(joint)] - middle) / half
-    return size * (1.0 + given["middle"] * float(np.exp(-4.0 * place**2).mean()))
-
-
-def _pressures(joint: str, record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) of chambers A and B [Pa]."""
-    assert record.pressure_a is not None and record.pressure_b is not None  # clean recordings
-    column = record.column(joint)
-    return record.pressure_a[:, column], record.pressure_b[:, column]
-
-
 SIGMAS = 3.0  # that an error is above what noise gives, to be significant
 NOTHING_LEFT = 0.002  # of the force, beyond what clean recordings leave of machines as surveyed
 TELESCOPE = "telescope"  # what the model of twins lacks a constant force of
 TWIN_TOLERANCE = 0.01  # of the energy of what is hidden: a law that explains it so nearly is a twin
-
 COMPARABLE = {
     "chamber_gain": ("gain_B", ("gain",)),
     "encoder_offset": ("dq", ("offset",)),
@@ -122,12 +55,79 @@ one, and to its names there. Where the laws differ in form, their parameters do 
 """
 
 
+def beyond_usual(
+    effect: TrueEffect, simulated: SimulatedCrane, record: Record, usual: Usual
+) -> float | None:
+    """Share of the quantity's value that lies beyond the limit; 0 of a usual one.
+
+    `record` is what was recorded without noise. None where the data
+    sheet has no such quantity.
+    """
+    joint, given = (
+        effect.joint,
+        {parameter.name: parameter.value for parameter in effect.parameters},
+    )
+    if joint is None:
+        return None
+    p_a, p_b = _pressures(joint, record)
+    valve = simulated.valves[joint]
+    match effect.name:
+        case "valve_dead_zone":
+            dead_zone = valve.dead_zone
+            band = given["band"] * (1.0 + abs(given.get("lean", 0.0)))
+            value = dead_zone + abs(valve.null_bias) + (1.0 - dead_zone) * band
+            limit = usual.dead_zone[joint]
+        case "valve_hysteresis":
+            # of two plays the mean, of half the weight each
+            value = given["width"] * (1.0 + given.get("inner", 1.0)) / 2.0
+            limit = usual.hysteresis
+        case "valve_asymmetry":
+            more, less = 1.0 + given["share"], 1.0 - given["share"]
+            if effect.form == "one_way":
+                more, less = 1.0 + 2.0 * given["share"], 1.0
+            gains = [getattr(valve.edges, edge) for edge in EDGES]
+            value = abs(asymmetry(np.array(gains) * (more, less, less, more)))
+            limit = usual.asymmetry
+        case "internal_leakage":
+            value = simulated.cylinders[joint].leakage + _leak(effect.form, given, joint, record)
+            limit = usual.leakage_of(joint)
+        case "oil_compressibility":
+            ratio = np.maximum(np.stack([p_a, p_b]), 0.0) / given["stiffening"]
+            softer = 1.0 + float((given["softness"] * WALLS[effect.form](ratio)).mean())
+            value, limit = softer / simulated.oil.bulk_modulus, 1.0 / usual.bulk_modulus
+        case _:
+            return None
+    return 0.0 if value <= limit else 1.0 - limit / value
+
+
+def _leak(form: str, given: Mapping[str, float], joint: str, record: Record) -> float:
+    """Its mean conductance [m3/(s Pa)]."""
+    p_a, p_b = _pressures(joint, record)
+    drop, size = np.abs(p_a - p_b), given["conductance"]
+    if form == "orifice":
+        return float((size / np.sqrt(np.hypot(drop, MAX_LAMINAR_PA))).mean())
+    if form == "widening":
+        return size * (1.0 + float(drop.mean()) / given["widening"])
+    limits = LABORATORY_CRANE.limits[joint]
+    middle = (limits.position_max + limits.position_min) / 2.0
+    half = (limits.position_max - limits.position_min) / 2.0
+    place = (record.position[:, record.column(joint)] - middle) / half
+    return size * (1.0 + given["middle"] * float(np.exp(-4.0 * place**2).mean()))
+
+
+def _pressures(joint: str, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) of chambers A and B [Pa]."""
+    assert record.pressure_a is not None and record.pressure_b is not None  # clean recordings
+    column = record.column(joint)
+    return record.pressure_a[:, column], record.pressure_b[:, column]
+
+
 @dataclass(frozen=True)
 class CaseTruth:
     """A case, its machine, its labels (one a recording), and its recordings without noise."""
 
     case: Case
-    stand_in: StandIn
+    simulated: SimulatedCrane
     labels: tuple[HiddenInRecording, ...]
     train: Seen
     validate: Seen
@@ -135,17 +135,18 @@ class CaseTruth:
     @property
     def places(self) -> tuple[Place, ...]:
         """What is hidden where."""
-        return tuple((one.effect, one.joint or WHOLE) for one in self.case.effects)
+        return tuple((effect.effect, effect.joint or WHOLE) for effect in self.case.effects)
 
     @property
     def strength(self) -> list[float]:
         """(k,) largest strength reached in any recording to train on, by its label."""
         reached = [
-            {(one.name, one.joint): one.strength for one in label.effects} for label in self.labels
+            {(effect.name, effect.joint): effect.strength for effect in label.effects}
+            for label in self.labels
         ]
         return [
-            max(label.get((one.effect, one.joint), 0.0) for label in reached)
-            for one in self.case.effects
+            max(label.get((effect.effect, effect.joint), 0.0) for label in reached)
+            for effect in self.case.effects
         ]
 
     def visibility(self, model: Model) -> list[float | None]:
@@ -166,13 +167,13 @@ class CaseTruth:
                 shares.append(0.0)  # as of a load that reverses in no recording to train on
             else:
                 effect = self._labelled(place)[-1]
-                shares.append(beyond_usual(effect, self.stand_in, self.train.record, usual))
+                shares.append(beyond_usual(effect, self.simulated, self.train.record, usual))
         return shares
 
-    def _labelled(self, place: Place) -> list[LabelledEffect]:
+    def _labelled(self, place: Place) -> list[TrueEffect]:
         """What the labels say of an effect, one entry for each recording that carries it."""
-        every = (one for label in self.labels for one in label.effects)
-        return [one for one in every if (one.name, one.joint or WHOLE) == place]
+        every = (effect for label in self.labels for effect in label.effects)
+        return [effect for effect in every if (effect.name, effect.joint or WHOLE) == place]
 
     def parameter_errors(self, found: Findings) -> list[float]:
         """Relative errors of the parameters that mean the same in the hidden law as in the answer.
@@ -182,7 +183,7 @@ class CaseTruth:
         """
         errors = []
         for finding in found.findings:
-            own, theirs = COMPARABLE.get(finding.effect, ("", ()))
+            ours, theirs = COMPARABLE.get(finding.effect, ("", ()))
             hidden = [
                 abs(given.value)
                 for effect in self._labelled((finding.effect, finding.joint))
@@ -190,11 +191,11 @@ class CaseTruth:
                 if given.name in theirs
             ]
             if hidden:
-                values = (p.value or 0.0 for p in finding.parameters if p.name.startswith(own))
-                errors += [min(abs(abs(one) / true - 1.0) for true in hidden) for one in values]
+                values = (p.value or 0.0 for p in finding.parameters if p.name.startswith(ours))
+                errors += [min(abs(abs(value) / true - 1.0) for true in hidden) for value in values]
         return errors
 
-    def twin(self, model: Model, number: int, other: Place) -> bool:
+    def twin(self, model: Model, number: int, rival: Place) -> bool:
         """Whether another effect explains the hidden one as well as its own law does.
 
         Where twins hide, that is the constant force that the model lacks.
@@ -208,8 +209,8 @@ class CaseTruth:
         hidden = base.beside(base.rows(part))
         if not hidden.any():
             return False  # acts on flows
-        own = _explained(base, hidden, place)
-        return _explained(base, hidden, other) >= own - TWIN_TOLERANCE
+        explained = _explained(base, hidden, place)
+        return _explained(base, hidden, rival) >= explained - TWIN_TOLERANCE
 
     def gap(self, model: Model) -> np.ndarray:
         """(j,) error of the model, fitted to clean recordings, on those to validate on, over the
@@ -223,7 +224,7 @@ class CaseTruth:
         validate on: beside the noise of the transducers, and beyond what clean recordings of
         machines leave of which nothing is missing.
         """
-        seen, chain = self.validate, self.stand_in.sensors
+        seen, chain = self.validate, self.simulated.sensors
         joints, record = seen.record.joints, seen.record
         levers = seen.rms(lever_arms(LABORATORY_CRANE, record.position, joints))
         noise = levers * [chain.force_noise(LABORATORY_CRANE, joint) for joint in joints]
@@ -313,17 +314,17 @@ def load_truth(folder: Path) -> CaseTruth:
     """Open what is sealed."""
     case = Case.model_validate(read_json(folder / "case.json"))
     train, validate = (_part(folder, case, part) for part in ("train", "validate"))
-    stand_in = StandIn.model_validate(read_json(folder / "stand_in.json"))
-    return CaseTruth(case, stand_in, (*train[0], *validate[0]), train[1], validate[1])
+    simulated = SimulatedCrane.model_validate(read_json(folder / "stand_in.json"))
+    return CaseTruth(case, simulated, (*train[0], *validate[0]), train[1], validate[1])
 
 
 def _part(folder: Path, case: Case, part: str) -> tuple[list[HiddenInRecording], Seen]:
     files = sorted(folder.glob(f"{part}-*.npz"))
     labels = [HiddenInRecording.read(file.with_suffix(".json")) for file in files]
-    return labels, load_seen(files, [_present(case, one) for one in labels], len(case.effects))
+    return labels, load_seen(files, [_present(case, label) for label in labels], len(case.effects))
 
 
 def _present(case: Case, label: HiddenInRecording) -> Sequence[int]:
     """Which effects of the case a recording carries."""
-    own = {(one.name, one.joint) for one in label.effects}
-    return [i for i, one in enumerate(case.effects) if (one.effect, one.joint) in own]
+    labelled = {(effect.name, effect.joint) for effect in label.effects}
+    return [i for i, effect in enumerate(case.effects) if (effect.effect, effect.joint) in labelled]

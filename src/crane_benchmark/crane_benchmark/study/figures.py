@@ -6,14 +6,69 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crane_benchmark.measured import MeasuredRow, of_joints
+from crane_benchmark.study.following import AHEAD, HYDRAULIC_AIMS, TRAINED, Followed
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
+from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE
 from crane_trajectory.excitation.criterion import information, one_period, relative_std_devs
 from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.motion.periodic import FourierTrajectory
 
-COMMAND = "make study"
+RMS_AIM = "0.4 mrad, 0.6 mrad, 0.4 mm, and 40, 60, 20 times better than (36)"
+MILLI = 1e3
+STUDY_COMMAND = "make study"
 SHOWN = (1, 2, 3)  # trajectories, beside all of them
+
+
+def following_rows(followed: Followed) -> Iterator[MeasuredRow]:
+    """Values, motion from commands, and what each controller leaves."""
+    for what, aim in HYDRAULIC_AIMS.items():
+        found = followed.farthest_off(aim)
+        yield MeasuredRow(
+            cells=[
+                f"{what} from that bag, farthest off; its σ",
+                aim.told(aim.live),
+                f"{aim.told(found.error)}; {aim.told(found.std_dev)}",
+            ],
+            values={f"{_key(what)}_error": found.error, f"{_key(what)}_std_dev": found.std_dev},
+        )
+    for row in followed.summary["simulated_from_commands"]:
+        horizon = row["horizon"]
+        shares = {joint: row["position_rms"][joint] / row["path"][joint] for joint in row["path"]}
+        yield MeasuredRow(
+            cells=[
+                f"motion from valve commands alone, {horizon:g} s ahead, held out "
+                f"({', '.join(shares)})",
+                f"{AHEAD[horizon]:.1%}",
+                ", ".join(f"{{ahead_{horizon:g}_{joint}:.3%}}" for joint in shares),
+            ],
+            values={f"ahead_{horizon:g}_{joint}": share for joint, share in shares.items()},
+        )
+    for name, by_law in followed.rms.items():
+        for law in NAMES:
+            yield _law_row(name, law, by_law[law], by_law[PD_DEAD_ZONE], followed.joints)
+
+
+def _law_row(
+    name: str, law: str, rms: Mapping[str, float], before: Mapping[str, float], joints: list[str]
+) -> MeasuredRow:
+    keys = [f"{name}_{law}_{joint}" for joint in joints]
+    values = {key: MILLI * rms[joint] for key, joint in zip(keys, joints, strict=True)}
+    shown = "/".join(f"{{{key}:.3g}}" for key in keys)
+    seen = "" if name == TRAINED else ", which nothing was fitted to"
+    if law == PD_DEAD_ZONE:
+        what = f"rms error on {name}{seen}, by (36) ({'/'.join(joints)}) [mrad, mm]"
+        return MeasuredRow(cells=[what, "", shown], values=values)
+    better = {f"{key}_better": before[j] / rms[j] for key, j in zip(keys, joints, strict=True)}
+    times = "/".join(f"{{{key}_better:.0f}}" for key in keys)
+    return MeasuredRow(
+        cells=[f"the same by `{law}`", RMS_AIM, f"{shown}; {times} times better"],
+        values=values | better,
+    )
+
+
+def _key(what: str) -> str:
+    return "".join(c if c.isalnum() else "_" for c in what)
 
 
 class Took(NamedTuple):
@@ -26,24 +81,24 @@ class Took(NamedTuple):
 
 def rows(
     summary: Mapping[str, Any],
-    planted: Mapping[str, float],
+    true_values: Mapping[str, float],
     trajectories: Sequence[FourierTrajectory],
     took: Sequence[Took],
 ) -> Iterator[MeasuredRow]:
-    """From the summary of the fit, what was planted, the designs, and the time of all steps, which
+    """From the summary of the fit, the true values, the designs, and the time of all steps, which
     is empty where something had been made before.
     """
     yield _campaign(trajectories)
     yield MeasuredRow(
         cells=[
-            f"{len(summary['parameters'])} planted parameters: farthest off, by the fit and by the "
+            f"{len(summary['parameters'])} parameters: farthest off, by the fit and by the "
             "recursion",
             "",
             "{fit_sigmas:.1f} σ, {recursion_sigmas:.1f} σ",
         ],
         values={
-            "fit_sigmas": _farthest(summary["parameters"], planted),
-            "recursion_sigmas": _farthest(summary["recursive"]["parameters"], planted),
+            "fit_sigmas": _farthest(summary["parameters"], true_values),
+            "recursion_sigmas": _farthest(summary["recursive"]["parameters"], true_values),
         },
     )
     joints = ", ".join(summary["heldout_relative_error"])
@@ -59,10 +114,10 @@ def rows(
     ratios = {j: error / training[j] for j, error in summary["heldout_relative_error"].items()}
     yield of_joints("over_training", "held-out over training error", ratios, ".2f", "1.2")
     if took:
-        steps = ", ".join(one.step for one in took)
+        steps = ", ".join(step.step for step in took)
         yield MeasuredRow(
             cells=[
-                f"`{COMMAND}` after the set-up: all of it; {steps}; CPU time of these",
+                f"`{STUDY_COMMAND}` after the set-up: all of it; {steps}; CPU time of these",
                 "10 min on 2 cores",
                 "; ".join(
                     [
@@ -72,9 +127,9 @@ def rows(
                     ]
                 ),
             ],
-            values={"wall": sum(one.wall for one in took)}
-            | {f"wall_{i}": one.wall for i, one in enumerate(took)}
-            | {f"cpu_{i}": one.cpu for i, one in enumerate(took)},
+            values={"wall": sum(step.wall for step in took)}
+            | {f"wall_{i}": step.wall for i, step in enumerate(took)}
+            | {f"cpu_{i}": step.cpu for i, step in enumerate(took)},
         )
 
 
@@ -86,11 +141,11 @@ def _campaign(trajectories: Sequence[FourierTrajectory]) -> MeasuredRow:
         [
             information(
                 model,
-                one_period(model, one, settings.search.samples),
-                one.period,
+                one_period(model, trajectory, settings.search.samples),
+                trajectory.period,
                 settings.experiment,
             )
-            for one in trajectories
+            for trajectory in trajectories
         ],
         axis=0,
     )
@@ -109,5 +164,8 @@ def _campaign(trajectories: Sequence[FourierTrajectory]) -> MeasuredRow:
     )
 
 
-def _farthest(parameters: Sequence[Mapping[str, Any]], planted: Mapping[str, float]) -> float:
-    return max(abs(one["value"] - planted[one["name"]]) / one["std_dev"] for one in parameters)
+def _farthest(parameters: Sequence[Mapping[str, Any]], true_values: Mapping[str, float]) -> float:
+    return max(
+        abs(parameter["value"] - true_values[parameter["name"]]) / parameter["std_dev"]
+        for parameter in parameters
+    )

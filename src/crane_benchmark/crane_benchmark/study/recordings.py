@@ -89,7 +89,7 @@ def design(campaign: Campaign, experiment: StudyPlan) -> None:
 
 
 def record(campaigns: Sequence[Campaign], experiment: StudyPlan, advance: Advance) -> None:
-    """A bag of each trajectory with the stand-in machine, on all cores; `advance` after each."""
+    """A bag of each trajectory with the simulated crane, on all cores; `advance` after each."""
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         futures = [
             pool.submit(_bag, trajectory, bag, experiment.periods, campaign.seed + number)

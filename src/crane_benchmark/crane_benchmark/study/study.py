@@ -1,13 +1,12 @@
 """make study: the report's experiment, from the design of 20 + 2 trajectories to its figures.
 
-Trajectories are designed as a campaign, recorded with the stand-in machine, identified by the fit
+Trajectories are designed as a campaign, recorded with the simulated crane, identified by the fit
 to all periods and by the recursion, and validated on two recordings of trajectories that were
 designed apart. Then hydraulics are identified behind a bus, and every controller follows by them.
 Everything but the machine behind the bus is done by the executables that a user would call; results
 are left in runs/study, and what is there already is not designed or recorded again.
 """
 
-import argparse
 import json
 import os
 import resource
@@ -23,10 +22,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from crane_benchmark import measured
-from crane_benchmark.study import figures, following_figures
-from crane_benchmark.study.figures import Took
-from crane_benchmark.study.following import STEPS, Followed, follow
-from crane_benchmark.study.hydraulic_aims import AIMS
+from crane_benchmark.study import figures
+from crane_benchmark.study.figures import Took, following_rows
+from crane_benchmark.study.following import FOLLOWING_STEPS, HYDRAULIC_AIMS, Followed, follow
 from crane_benchmark.study.recordings import Campaign, StudyError, StudyPlan, design, record, run
 from crane_identification.report import terminal
 from crane_identification.report.terminal import estimate, plain_table, rounded
@@ -34,20 +32,22 @@ from crane_model.cli import command_line
 from crane_model.configuration import packaged
 from crane_model.machine_files import machine_file
 
-# What the study prints.
+EMPS = packaged("crane_benchmark", "emps/model.yaml").parent  # model and column map
+STUDY_SEEDS = {"training": 1, "validation": 101}
+STUDY_WIDTH = 110  # characters, where the output is no terminal
 
 
-def parameter_table(summary: dict[str, Any], planted: dict[str, float]) -> Table:
-    """Each parameter: planted, by the recursion and by the fit to averaged periods."""
-    table = plain_table("Θ: planted in the stand-in machine, and identified from its bags")
+def parameter_table(summary: dict[str, Any], true_values: dict[str, float]) -> Table:
+    """True value of each parameter, and those by the recursion and the fit to averages."""
+    table = plain_table("Θ: true values of the simulated crane, and identified from its bags")
     for heading in ("parameter", "unit"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("planted", "recursion ± σ", "off/σ", "fit ± σ", "off/σ"):
+    for heading in ("true value", "recursion ± σ", "off/σ", "fit ± σ", "off/σ"):
         table.add_column(heading, justify="right", no_wrap=True)
     for fitted, recursive in zip(
         summary["parameters"], summary["recursive"]["parameters"], strict=True
     ):
-        true = planted[fitted["name"]]
+        true = true_values[fitted["name"]]
         table.add_row(
             fitted["name"],
             fitted["unit"],
@@ -87,7 +87,7 @@ def hydraulics_table(followed: Followed) -> Table:
     table.add_column("values", no_wrap=True)
     for heading in ("error", "its σ", "aim"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for what, aim in AIMS.items():
+    for what, aim in HYDRAULIC_AIMS.items():
         found = followed.farthest_off(aim)
         table.add_row(what, aim.told(found.error), aim.told(found.std_dev), aim.told(aim.live))
     return table
@@ -105,11 +105,6 @@ def controllers_table(followed: Followed) -> Table:
         for law, rms in by_law.items():
             table.add_row(name, law, *(f"{1e3 * rms[joint]:.3g}" for joint in joints))
     return table
-
-
-EMPS = packaged("crane_benchmark", "emps/model.yaml").parent  # model and column map
-SEEDS = {"training": 1, "validation": 101}
-WIDTH = 110  # characters, where the output is no terminal
 
 
 @contextmanager
@@ -134,43 +129,36 @@ def _cpu() -> float:
     return sum(usage.ru_utime + usage.ru_stime for usage in used)
 
 
-def study(arguments: argparse.Namespace, console: Console) -> None:
-    """All of it; `StudyError` if one of the executables fails."""
-    out: Path = arguments.out
+def study(
+    out: Path, experiment: StudyPlan, training_count: int, validation_count: int, console: Console
+) -> None:
+    """Run the whole study in the folder `out`; `StudyError` if an executable fails."""
     fresh, took = not out.exists(), list[Took]()
-    experiment = StudyPlan(
-        arguments.period, arguments.harmonics, arguments.starts, arguments.periods
-    )
-    training, validation = (
-        Campaign(name, count, SEEDS[name], out)
-        for name, count in (
-            ("training", arguments.training),
-            ("validation", arguments.validation),
-        )
-    )
+    training = Campaign("training", training_count, STUDY_SEEDS["training"], out)
+    validation = Campaign("validation", validation_count, STUDY_SEEDS["validation"], out)
     with phase(console, took, "trajectories designed", 2) as progress:
         for campaign in (training, validation):
             design(campaign, experiment)
             progress.advance(progress.task_ids[0])
     for campaign in (training, validation):
-        merits = [one.figures_of_merit for one in campaign.designed]
+        merits = [trajectory.figures_of_merit for trajectory in campaign.designed]
         conditions = ", ".join(f"{merit['condition_number']:.0f}" for merit in merits)
         console.print(f"  cond Φ of each, {campaign.name}: {conditions}", highlight=False)
     with phase(console, took, "bags recorded", training.count + validation.count) as progress:
         record((training, validation), experiment, lambda: progress.advance(progress.task_ids[0]))
-    planted = out / "planted.json"
-    planted.write_text(run("crane_sim", "planted", "--json"), encoding="utf-8")
+    reference = out / "true_values.json"
+    reference.write_text(run("crane_sim", "true_values", "--json"), encoding="utf-8")
     with phase(console, took, "identified and validated"):
         run(
             *("crane_identification", "identify", "--recursive", "--replace", "--out", out),
             *("--model", machine_file("model.yaml")),
             *("--train", *training.bags, "--validate", *validation.bags),
-            *("--reference-values", planted),
+            *("--reference-values", reference),
         )
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    true = json.loads(planted.read_text(encoding="utf-8"))
+    true = json.loads(reference.read_text(encoding="utf-8"))
     console.print(parameter_table(summary, true), errors_table(summary))
-    with phase(console, took, "hydraulics and controllers", STEPS) as progress:
+    with phase(console, took, "hydraulics and controllers", FOLLOWING_STEPS) as progress:
         followed = follow(
             out / "following",
             true,
@@ -180,9 +168,9 @@ def study(arguments: argparse.Namespace, console: Console) -> None:
     console.print(hydraulics_table(followed), controllers_table(followed))
     found = [
         *figures.rows(summary, true, training.designed, took if fresh else ()),
-        *following_figures.rows(followed),
+        *following_rows(followed),
     ]
-    measured.write(out / "figures.json", figures.COMMAND, found)
+    measured.write(out / "figures.json", figures.STUDY_COMMAND, found)
     for folder in (out, out / "following" / "identified"):
         console.print(f"Report: {folder}/report.html   Model: {folder}/model.yaml", highlight=False)
     emps(out / "emps", console)
@@ -216,7 +204,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--starts", type=int, default=2, help="searches for every trajectory")
     arguments = parser.parse_args(argv)
     try:
-        study(arguments, terminal.console(WIDTH))
+        study(
+            arguments.out,
+            StudyPlan(arguments.period, arguments.harmonics, arguments.starts, arguments.periods),
+            arguments.training,
+            arguments.validation,
+            terminal.console(STUDY_WIDTH),
+        )
     except StudyError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -1,17 +1,41 @@
 """Serial chains of rigid bodies in space, compiled: kinematics and dynamics of any machine.
 
-Names are imported from their modules when they are first asked for: `Machine` needs the constants
-of its chain, and nothing to be compiled.
+Here are the constants of a chain, which `Machine` needs; all that is compiled is imported from its
+module when it is first asked for.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crane_model.array import Array, Flags
 from crane_model.lazily import lazily
 
-__getattr__, __dir__, __all__ = lazily(
+
+class SerialChain(NamedTuple):
+    """m joints from the base to the tip, each with the body that it moves; j coordinates q.
+
+    The frame of a body is that of its joint after it has moved; joint i stands in the frame of
+    body i - 1, or of the base, at `translation` and turned by `rotation`, and moves body i along
+    or about `axis` by `ratio` q[`leader`]. Several joints may have one leader.
+    """
+
+    rotation: Array  # (m, 3, 3)
+    translation: Array  # (m, 3) m
+    axis: Array  # (m, 3) unit vectors in the joint's frame
+    slides: Flags  # (m,) prismatic
+    leader: NDArray[np.int64]  # (m,) whole numbers
+    ratio: Array  # (m,)
+    gravity: Array  # (3,) in the base's frame, m/s2
+    tip_rotation: Array  # (3, 3) in the frame of the last body
+    tip_translation: Array  # (3,) m
+
+
+__getattr__, __dir__, _lazy = lazily(
     __name__,
     {
-        "serial_chain": ["SerialChain"],
-        "pose": ["body_frames", "tip_jacobians", "tip_positions"],
-        "ten_parameters": [
+        "body_regressor": [
             "PER_BODY",
             "TEN_FROM_PSEUDO_INERTIA",
             "fill_regressor",
@@ -20,11 +44,15 @@ __getattr__, __dir__, __all__ = lazily(
         ],
         "slopes": ["pull_back"],
         "dynamics": [
+            "body_frames",
             "coriolis_forces",
             "forward_dynamics",
             "gravity_forces",
             "inverse_dynamics",
             "mass_matrices",
+            "tip_jacobians",
+            "tip_positions",
         ],
     },
 )
+__all__ = ["SerialChain", *_lazy]

@@ -1,4 +1,4 @@
-"""Derivatives of the regressor of `crane_model.chain.ten_parameters` with respect to the motion,
+"""Derivatives of the regressor of `crane_model.chain.body_regressor` with respect to the motion,
 summed with weights: one pass outward and one back for all joints (reverse differentiation).
 """
 
@@ -9,20 +9,23 @@ from numba import njit
 from numpy.typing import NDArray
 
 from crane_model.array import Array
-from crane_model.chain.dynamics import BodyMotion, inertia_times, set_motion, workspace
-from crane_model.chain.pose import (
+from crane_model.chain import SerialChain
+from crane_model.chain.dynamics import (
     ZERO,
+    BodyMotion,
     Vector,
     add,
     cross,
     dot,
+    inertia_times,
     put,
     row,
     scaled,
+    set_motion,
     turned,
     turned_back,
+    workspace,
 )
-from crane_model.chain.serial_chain import SerialChain
 
 
 class Slopes(NamedTuple):
@@ -47,7 +50,7 @@ def pull_back(
     `weight` (n, rows, columns) belongs to the columns that `fill_regressor` writes for the same
     `rows` and `parameters`.
     """
-    q, v, a = (np.ascontiguousarray(each, dtype=float) for each in (q, v, acceleration))
+    q, v, a = (np.ascontiguousarray(motion, dtype=float) for motion in (q, v, acceleration))
     out = np.zeros((3, *q.shape))
     of_bodies = np.zeros((len(chain.ratio), 10 * len(chain.ratio)))  # of one sample, a row a joint
     _pull_back(chain, rows, parameters, q, v, a, np.ascontiguousarray(weight), of_bodies, out)
@@ -117,10 +120,10 @@ def _come_back(
         for k in range(i + 1):
             ten = of_bodies[k, 10 * i : 10 * i + 10]
             here = row(along[i], k), row(about[i], k)
-            own, at_along, at_about = _of_power(ten, *here, w, turning, rise)
-            by_spin = add(by_spin, own.spin)
-            by_turning = add(by_turning, own.turning)
-            by_rise = add(by_rise, own.rise)
+            slopes, at_along, at_about = _of_power(ten, *here, w, turning, rise)
+            by_spin = add(by_spin, slopes.spin)
+            by_turning = add(by_turning, slopes.turning)
+            by_rise = add(by_rise, slopes.rise)
             put(by_along, k, add(row(by_along, k), at_along))
             put(by_about, k, add(row(by_about, k), at_about))
 

@@ -7,7 +7,44 @@ import numpy as np
 from numba import njit
 
 from crane_model.array import Array
-from crane_model.dry_friction import with_dry_friction
+
+# Coulomb friction over a step: the force that stops a joint where it can, and else opposes it.
+
+_MAX_SWEEPS = 1000  # a handful suffices unless two joints move almost as one
+_TOLERANCE = 1e-12
+
+
+@njit(cache=True)
+def with_dry_friction(free: Array, compliance: Array, dry: Array) -> Array:
+    """v = free - compliance (dry s), s in Sgn(v): Gauss-Seidel on the friction force of each joint.
+
+    (N, j), (N, j, j), (N, j). Converges for positive definite compliance.
+    """
+    velocity = free.copy()
+    runs, joints = free.shape
+    for n in range(runs):
+        force = np.zeros(joints)
+        for _ in range(_MAX_SWEEPS):
+            largest = 0.0
+            for j in range(joints):
+                if dry[n, j] == 0.0:
+                    continue
+                stopping = force[j] + velocity[n, j] / compliance[n, j, j]
+                new = min(dry[n, j], max(-dry[n, j], stopping))
+                change = new - force[j]
+                if change == 0.0:
+                    continue
+                force[j] = new
+                largest = max(largest, abs(change) / dry[n, j])
+                for i in range(joints):
+                    velocity[n, i] -= compliance[n, i, j] * change
+            if largest < _TOLERANCE:
+                break
+        for j in range(joints):
+            if abs(force[j]) < dry[n, j]:
+                velocity[n, j] = 0.0  # held: remove what rounding left
+    return velocity
+
 
 # The chambers of a cylinder: what the edges of the valve let in, and what that does.
 #
@@ -26,26 +63,28 @@ from crane_model.dry_friction import with_dry_friction
 # the transition after Borutzky, Barnard, Thoma, Simul. Modell. Pract. Theory 10 (2002). The report
 # leaves this to future work (its section 5).
 
-TRANSITION = 1e5
+LAMINAR_DROP_PA = 1e5
 """Pa, d_t: well below any drop that moves a crane, so that its value hardly matters."""
 
 
 @njit(cache=True, error_model="numpy")
 def root(drop: float) -> float:
     """r(d) [sqrt(Pa)]: odd and increasing."""
-    return drop / math.sqrt(math.sqrt(drop * drop + TRANSITION * TRANSITION))
+    return drop / math.sqrt(math.sqrt(drop * drop + LAMINAR_DROP_PA * LAMINAR_DROP_PA))
 
 
 @njit(cache=True, error_model="numpy")
 def root_slope(drop: float) -> float:
     """dr/dd [1/sqrt(Pa)]."""
-    square = drop * drop + TRANSITION * TRANSITION
-    return (0.5 * drop * drop + TRANSITION * TRANSITION) / (square * math.sqrt(math.sqrt(square)))
+    square = drop * drop + LAMINAR_DROP_PA * LAMINAR_DROP_PA
+    return (0.5 * drop * drop + LAMINAR_DROP_PA * LAMINAR_DROP_PA) / (
+        square * math.sqrt(math.sqrt(square))
+    )
 
 
 def roots(drop: Array) -> Array:
     """r(d) of drops of any shape."""
-    found: Array = drop / np.sqrt(np.hypot(drop, TRANSITION))
+    found: Array = drop / np.sqrt(np.hypot(drop, LAMINAR_DROP_PA))
     return found
 
 
@@ -168,7 +207,7 @@ def openings(z: Array, dead_zone_a: float, dead_zone_b: float) -> Array:
     return out
 
 
-RELAXATION = 2e-3  # s in which the supply pressure follows the flow that is drawn; assumed
+SUPPLY_RELAXATION_S = 2e-3  # in which the supply pressure follows the flow that is drawn; assumed
 
 
 class Circuit(NamedTuple):
@@ -331,4 +370,4 @@ def _fill(
             if o < 0.0:
                 drawn += q_b + slope_b * change
         target = circuit.supply_pressure - circuit.droop * drawn
-        course.supply[k + 1, n] += (target - supply) * step / (RELAXATION + step)
+        course.supply[k + 1, n] += (target - supply) * step / (SUPPLY_RELAXATION_S + step)

@@ -7,39 +7,37 @@ other packages, which fills the registry: a new effect is one new class, registe
 from importlib import import_module
 from pkgutil import iter_modules
 
-from crane_model.terms.catalogue import (
+from crane_model.terms.joint_term import JointMemoryTerm, JointTerm, MemoryTerm, OneJointTerm
+from crane_model.terms.nonparametric import NONPARAMETRIC_TERMS, NonparametricTerm
+from crane_model.terms.term import (
+    REGISTRY,
+    Effect,
+    Family,
+    NonparametricCurve,
+    Parameter,
+    Setting,
+    Shape,
+    Term,
     candidates,
     joints_of,
     load_installed,
     load_terms,
     nuisances,
-    strangers,
-    typical,
-)
-from crane_model.terms.drawn_friction import DRAWING, DrawnTerm
-from crane_model.terms.joint_term import JointMemoryTerm, JointTerm, MemoryTerm, OneJointTerm
-from crane_model.terms.term import (
-    REGISTRY,
-    DrawnCurve,
-    Effect,
-    Family,
-    Parameter,
-    Setting,
-    Shape,
-    Term,
     term_from_mapping,
+    typical,
+    unlisted_signatures,
 )
 
 __all__ = [
-    "DRAWING",
+    "NONPARAMETRIC_TERMS",
     "REGISTRY",
-    "DrawnCurve",
-    "DrawnTerm",
     "Effect",
     "Family",
     "JointMemoryTerm",
     "JointTerm",
     "MemoryTerm",
+    "NonparametricCurve",
+    "NonparametricTerm",
     "OneJointTerm",
     "Parameter",
     "Setting",
@@ -49,9 +47,9 @@ __all__ = [
     "joints_of",
     "load_terms",
     "nuisances",
-    "strangers",
     "term_from_mapping",
     "typical",
+    "unlisted_signatures",
 ]
 
 for _file in iter_modules(__path__):  # last: the terms may import all that stands above

@@ -6,7 +6,6 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from numba import njit
 from pydantic import Field
-from typing_extensions import override
 
 from crane_model.array import Array, Flags
 from crane_model.machine import Machine
@@ -78,8 +77,10 @@ def relative_acceleration(states: Array, carrier: Array, frequency: float, dampi
 # force kappa e + delta e' is all that holds the mass at c, makes the balance phi_c = -kappa e -
 # delta e' the equation of e. What bending changes on all joints is phi(bent) - phi(straight).
 
-PASSES = 20  # in which a mass sags to where its spring holds it; each halves the error at least
-STIFFEST = 0.95  # of critical damping, where a pose leaves less inertia than the damper is made for
+SAG_PASSES = 20  # in which a mass sags to where its spring holds it; each halves the error at least
+MAX_DAMPING_RATIO = (
+    0.95  # of critical damping, where a pose leaves less inertia than the damper is made for
+)
 
 
 Gradient = tuple[float, float, float]  # d/dq of inner boom, outer boom and telescope
@@ -158,7 +159,7 @@ def sagging(bend: Bend, q: Array) -> Array:
     """States (n, 2), e and e', where the spring holds the mass at rest at n poses (n, 3)."""
     states, force, still = np.zeros((len(q), 2)), np.empty(3), np.zeros(3)
     for n in range(len(q)):
-        for _ in range(PASSES):
+        for _ in range(SAG_PASSES):
             _forces(bend, q[n].copy(), still.copy(), still, states[n, 0], 0.0, force)
             states[n, 0] = -force[bend.joint] / bend.stiffness
     return states
@@ -181,7 +182,7 @@ def _bent(
     outward, upward = _forces(bend, q, v, push, e + 0.5 * step * rate, rate, force)
     inertia = outward[bend.joint] ** 2 + upward[bend.joint] ** 2
     omega = math.sqrt(bend.stiffness / inertia)
-    damping = min(bend.damper / (2.0 * omega * inertia), STIFFEST)
+    damping = min(bend.damper / (2.0 * omega * inertia), MAX_DAMPING_RATIO)
     carried = force[bend.joint] / inertia
     return swung_once(e, rate, carried, step, omega / (2.0 * math.pi), damping)
 
@@ -252,14 +253,12 @@ class HoseStiffness(JointTerm):
         "poses at rest over the whole range, with hoses connected and disconnected",
         follows=("position",),
     )
+    symbol: ClassVar[Parameter] = Parameter(
+        "k_hose", "{force}/{coordinate}", 0.0, "stiffness of hoses and cables"
+    )
 
     def column(self, record: Record, j: int) -> Array:
-        """q."""
         return record.position[:, j]
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("k_hose", f"{force}/{coordinate}", 0.0, "stiffness of hoses and cables")
 
 
 class BoomFlexibility(OneJointTerm, MemoryTerm):
@@ -289,29 +288,26 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
     frequency: float = Field(gt=0)
     damping: float = Field(gt=0, lt=1)
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         unit = "kg m2" if setting.units[self.joint] == "rad" else "kg"
         return (Parameter("J_flexible", unit, 0.0, "inertia that takes part in the bending"),)
 
     def start(self, record: Record, setting: Setting) -> Array:
-        """Sagging at rest."""
         bend = self._bend(setting)
         if bend is None:
             return np.zeros((len(record), 2))
         return sagging(bend, record.position[:, planar_columns(setting, record)])
 
     def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
-        """Over a step of constant acceleration and, but for the oscillator, of constant load."""
         bend, step = self._bend(setting), after.time - before.time
         push = (after.velocity - before.velocity) / step[:, np.newaxis]
         if bend is None:
-            own = push[:, before.column(self.joint)]
-            return swung(states, own, step, self.frequency, self.damping)
+            acceleration = push[:, before.column(self.joint)]
+            return swung(states, acceleration, step, self.frequency, self.damping)
         at = planar_columns(setting, before)
         q, v = (
-            (one[:, at] + other[:, at]) / 2.0
-            for one, other in (
+            (begin[:, at] + end[:, at]) / 2.0
+            for begin, end in (
                 (before.position, after.position),
                 (before.velocity, after.velocity),
             )
@@ -319,7 +315,6 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         return bent(bend, states, q, v, push[:, at], step)
 
     def trace(self, record: Record, setting: Setting) -> Array:
-        """As `advance` from sample to sample, compiled."""
         bend, first = self._bend(setting), record.first_of_run
         if bend is None:
             v = np.ascontiguousarray(record.velocity[:, record.column(self.joint)])
@@ -328,7 +323,6 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         return bent_along(bend, record.position[:, at], record.velocity[:, at], record.time, first)
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """On the rows of all planar joints, or without them on that of its own."""
         bend = self._bend(setting)
         if bend is None:
             super().fill(record, setting, columns)
@@ -338,7 +332,6 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         columns[:, at, 0] = bending_forces(bend, states, *motion) / bend.inertia
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """e''."""
         states = self.states(record, setting)
         carrier = record.acceleration[:, j]
         return relative_acceleration(states, carrier, self.frequency, self.damping)
@@ -378,13 +371,11 @@ class SwingingLoad(MemoryTerm):
     frequency: float = Field(gt=0)
     damping: float = Field(gt=0, lt=1)
 
-    @override
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         planar_machine(self, setting)
         return (Parameter("m_swinging", "kg", 0.0, "mass that swings under the boom tip"),)
 
     def start(self, record: Record, setting: Setting) -> Array:
-        """e = e' = 0."""
         return np.zeros((len(record), 2))
 
     def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
@@ -394,12 +385,10 @@ class SwingingLoad(MemoryTerm):
         return swung(states, push, step, self.frequency, self.damping)
 
     def trace(self, record: Record, setting: Setting) -> Array:
-        """As `advance` from sample to sample, compiled."""
         velocity, first = self._tip_velocity(record, setting), record.first_of_run
         return swung_along(velocity, record.time, first, self.frequency, self.damping)
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """On the rows of inner boom, outer boom and telescope."""
         tip, at = self._tip(record, setting), planar_columns(setting, record)
         carrier = np.einsum("nj,nj->n", tip.gradient, record.acceleration[:, at]) + tip.bias
         states = self.states(record, setting)

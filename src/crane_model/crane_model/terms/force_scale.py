@@ -11,18 +11,16 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
-from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
-from crane_model.terms.chambers import cylinder_machine
-from crane_model.terms.joint_term import OneJointTerm
+from crane_model.terms.joint_term import OneJointTerm, cylinder_machine
 from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
 from crane_model.terms.term import Effect, Family, Parameter, Setting
 
-USUAL_SCALE = 0.005  # that a survey of pins and transducers of class 0.5 % leave
-LARGEST_SCALE = 0.7  # a transducer taken for one of the next range, as 250 for 400 bar, makes 0.6
+USUAL_SCALE_ERROR = 0.005  # that a survey of pins and transducers of class 0.5 % leave
+MAX_SCALE_ERROR = 0.7  # a transducer taken for one of the next range, as 250 for 400 bar, makes 0.6
 
 
 class OfBodies(OneJointTerm):
@@ -48,7 +46,6 @@ class ForceScale(OfBodies):
 
     effect: ClassVar[Effect]
 
-    @override
     @classmethod
     def is_of_sensors(cls) -> bool:
         """A few percent of all pressures or lengths are a few percent of the gains of a valve: the
@@ -80,16 +77,14 @@ class PressureGain(ForceScale):
         "the linkages of the other joints, which may all be smaller or larger than in their file",
         follows=("force",),
         formless=True,
-        usual=USUAL_SCALE,
-        largest=LARGEST_SCALE,
+        usual=USUAL_SCALE_ERROR,
+        largest=MAX_SCALE_ERROR,
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         return (Parameter("gain", "1", None, "share by which the force is measured too large"),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """tau."""
         return self.scaled(record, setting, j)
 
 
@@ -110,11 +105,10 @@ class LinkageScale(ForceScale):
         "a survey of the pins of the linkage, and both transducers beside a reference",
         follows=("force",),
         formless=True,
-        usual=USUAL_SCALE,
-        largest=LARGEST_SCALE,
+        usual=USUAL_SCALE_ERROR,
+        largest=MAX_SCALE_ERROR,
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         machine = cylinder_machine(self, setting, self.joint)
         if not machine.actuators[self.joint].bounded_by_pins:
@@ -126,5 +120,4 @@ class LinkageScale(ForceScale):
         return (Parameter("scale", "1", None, meaning),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """-tau."""
         return -self.scaled(record, setting, j)

@@ -5,17 +5,21 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
-from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.motion_columns import MotionQuantity
 from crane_model.record import Record
-from crane_model.terms.chambers import chamber_forces, gain_unit
 from crane_model.terms.force_scale import OfBodies
 from crane_model.terms.gravity_and_load import BoomDirections, planar_machine
-from crane_model.terms.joint_term import JointTerm, OneJointTerm, ProportionalTerm
+from crane_model.terms.joint_term import (
+    JointTerm,
+    OneJointTerm,
+    ProportionalTerm,
+    chamber_forces,
+    gain_unit,
+)
 from crane_model.terms.rigid_body import BASE_PARAMETERS
 from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape
 
@@ -33,10 +37,9 @@ class Coulomb(ProportionalTerm):
         follows=("velocity",),
     )
     quantity: ClassVar[MotionQuantity] = MotionQuantity.DIRECTION
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("f_c", force, 0.0, "Coulomb friction, mean of both directions")
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_c", "{force}", 0.0, "Coulomb friction, mean of both directions"
+    )
 
 
 class CoulombAsymmetry(ProportionalTerm):
@@ -53,10 +56,9 @@ class CoulombAsymmetry(ProportionalTerm):
     )
     asymmetry_of: ClassVar[str | None] = "coulomb"
     quantity: ClassVar[MotionQuantity] = MotionQuantity.ONE
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("df_c", force, None, "asymmetry of Coulomb friction")
+    symbol: ClassVar[Parameter] = Parameter(
+        "df_c", "{force}", None, "asymmetry of Coulomb friction"
+    )
 
 
 class Viscous(ProportionalTerm):
@@ -72,11 +74,9 @@ class Viscous(ProportionalTerm):
         follows=("velocity",),
     )
     quantity: ClassVar[MotionQuantity] = MotionQuantity.VELOCITY
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        unit = f"{force} s/{coordinate}"
-        return Parameter("f_v", unit, 0.0, "viscous friction, mean of both directions")
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_v", "{force} s/{coordinate}", 0.0, "viscous friction, mean of both directions"
+    )
 
 
 class ViscousAsymmetry(ProportionalTerm):
@@ -94,10 +94,9 @@ class ViscousAsymmetry(ProportionalTerm):
     )
     asymmetry_of: ClassVar[str | None] = "viscous"
     quantity: ClassVar[MotionQuantity] = MotionQuantity.SPEED
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("df_v", f"{force} s/{coordinate}", None, "asymmetry of viscous friction")
+    symbol: ClassVar[Parameter] = Parameter(
+        "df_v", "{force} s/{coordinate}", None, "asymmetry of viscous friction"
+    )
 
 
 # Friction that depends on where the joint stands.
@@ -118,14 +117,12 @@ class PositionFriction(JointTerm):
         "slow sweeps both ways over the whole range, with and without a known weight",
         follows=("position",),
     )
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_p", "{force}/{coordinate}", None, "change of Coulomb friction with q"
+    )
 
     def column(self, record: Record, j: int) -> Array:
-        """q sgn(q')."""
         return record.position[:, j] * record.direction[:, j]
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("f_p", f"{force}/{coordinate}", None, "change of Coulomb friction with q")
 
 
 class CyclicFriction(OneJointTerm):
@@ -149,7 +146,6 @@ class CyclicFriction(OneJointTerm):
 
     wave: float = Field(gt=0)
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         force = setting.force_unit(self.joint)
         return (
@@ -158,7 +154,6 @@ class CyclicFriction(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """sin(wave q) sgn(q') and cos(wave q) sgn(q'): (n, 2)."""
         phase = self.wave * record.position[:, j]
         waves = np.stack([np.sin(phase), np.cos(phase)], axis=1)
         columns: Array = record.direction[:, j, np.newaxis] * waves
@@ -188,18 +183,16 @@ class Stribeck(JointTerm):
         "speed": Shape(3e-3, 0.12, "rad/s or m/s", 8, "speed at which the excess has died out"),
         "exponent": Shape(1.0, 2.0, "1", 2, "how abruptly it dies out"),
     }
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_s", "{force}", 0.0, "friction at zero speed beyond Coulomb friction"
+    )
 
     speed: float = Field(gt=0)
     exponent: float = Field(gt=0)
 
     def column(self, record: Record, j: int) -> Array:
-        """sgn(q') exp(-(|q'|/speed)^exponent)."""
         ratio = np.abs(record.velocity[:, j]) / self.speed
         return record.direction[:, j] * np.exp(-(ratio**self.exponent))
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("f_s", force, 0.0, "friction at zero speed beyond Coulomb friction")
 
 
 class QuadraticViscous(JointTerm):
@@ -214,20 +207,18 @@ class QuadraticViscous(JointTerm):
         "sweeps at several constant speeds both ways, up to the fastest",
         follows=("velocity",),
     )
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_q", "{force} s2/{coordinate}2", 0.0, "loss with the speed squared"
+    )
 
     def column(self, record: Record, j: int) -> Array:
-        """q'|q'|."""
         v = record.velocity[:, j]
         return v * np.abs(v)
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("f_q", f"{force} s2/{coordinate}2", 0.0, "loss with the speed squared")
 
 
 # Viscous friction that falls as the oil warms up.
 
-WORKING_TEMPERATURE = 40.0  # deg C: where nothing is added to viscous friction (10)
+WORKING_TEMPERATURE_C = 40.0  # deg C: where nothing is added to viscous friction (10)
 
 
 class TemperatureViscosity(JointTerm):
@@ -242,15 +233,12 @@ class TemperatureViscosity(JointTerm):
         "the same motion with cold and with warm oil",
         follows=("temperature", "velocity"),
     )
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_T", "{force} s/({coordinate} degC)", 0.0, "viscous friction lost with each degree"
+    )
 
     def column(self, record: Record, j: int) -> Array:
-        """-(T - 40 deg C) q'."""
-        return (WORKING_TEMPERATURE - self.needed(record, "temperature")) * record.velocity[:, j]
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        unit = f"{force} s/({coordinate} degC)"
-        return Parameter("f_T", unit, 0.0, "viscous friction lost with each degree")
+        return (WORKING_TEMPERATURE_C - self.needed(record, "temperature")) * record.velocity[:, j]
 
 
 class WarmUp(JointTerm):
@@ -273,17 +261,15 @@ class WarmUp(JointTerm):
     shapes: ClassVar[dict[str, Shape]] = {
         "warming": Shape(20.0, 7200.0, "s", 7, "time constant with which the oil warms up")
     }
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_w", "{force} s/{coordinate}", 0.0, "viscous friction lost on warming"
+    )
 
     warming: float = Field(gt=0)
     since: float = 0.0
 
     def column(self, record: Record, j: int) -> Array:
-        """q' exp(-(t - since)/warming)."""
         return record.velocity[:, j] * np.exp((self.since - record.time) / self.warming)
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("f_w", f"{force} s/{coordinate}", 0.0, "viscous friction lost on warming")
 
 
 # Friction that follows the load: on pins, seals and the telescope's pads.
@@ -305,14 +291,10 @@ class LoadFriction(JointTerm):
         kin=("weight_friction",),
         follows=("force",),
     )
+    symbol: ClassVar[Parameter] = Parameter("mu_load", "1", 0.0, "friction per load")
 
     def column(self, record: Record, j: int) -> Array:
-        """|tau| sgn(q')."""
         return record.direction[:, j] * np.abs(self.needed(record, "force")[:, j])
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("mu_load", "1", 0.0, "friction per load")
 
 
 class WeightFriction(OfBodies):
@@ -340,13 +322,11 @@ class WeightFriction(OfBodies):
         examples=[(30e3, 9e3, 1e3, 8e3, 3e3, 100.0, 500.0, 1e3)],
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         planar_machine(self, setting)
         return (Parameter("mu_weight", "1", 0.0, "friction per weight"),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """|g| sgn(q')."""
         still = np.zeros_like(record.velocity)
         rest = replace(record, velocity=still, acceleration=still)
         weight = self.force_of_bodies(rest, setting)[:, j]
@@ -369,7 +349,6 @@ class SealFriction(OneJointTerm):
         follows=("pressure sum",),
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         unit = gain_unit(setting, self.joint)
         return (
@@ -378,7 +357,6 @@ class SealFriction(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """|F_A| sgn(q') and |F_B| sgn(q'), of the two chambers: (n, 2)."""
         forces = np.abs(chamber_forces(self, record, setting, self.joint))
         return record.direction[:, j, np.newaxis] * forces
 
@@ -401,7 +379,6 @@ class PadFriction(OneJointTerm):
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """m_0, m_1: friction coefficient times the mass that loads the pads."""
         on_pads(self, setting)
         return (
             Parameter("pad_0", "kg", 0.0, "friction coefficient times load of the pads at q4 = 0"),
@@ -409,7 +386,6 @@ class PadFriction(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """g |cos psi| sgn(q') and q4 times that: (n, 2)."""
         pressed = pressing(on_pads(self, setting), record) * record.direction[:, j]
         return np.stack([pressed, pressed * record.position[:, j]], axis=1)
 

@@ -5,7 +5,6 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, field_validator
-from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.dynamics import Geometry, lagrangian_regressor
@@ -110,14 +109,12 @@ class BaseTilt(Term):
         follows=("inclination of the telescope",),
     )
 
-    @override
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         planar_machine(self, setting)
         meaning = "mass of telescope and gripper times the angle by which the base is tilted"
         return (Parameter("m_tilt", "kg rad", None, meaning),)
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """On the rows of inner boom, outer boom and telescope."""
         weight = turned_weight(planar_machine(self, setting), record)
         columns[:, planar_columns(setting, record), 0] = weight
 
@@ -161,16 +158,13 @@ class Payload(Term):
 
     @property
     def of_recordings(self) -> bool:
-        """Where recordings differ."""
         return self.loads is not None
 
     @property
-    @override
     def carried(self) -> tuple[Load, ...]:
         return self.loads or ()
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """m_1, m_2, ..., or m."""
         planar_machine(self, setting)
         if self.loads is None:
             return (Parameter("m_payload", "kg", None, "payload beyond that of the model"),)
@@ -180,7 +174,6 @@ class Payload(Term):
         )
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """On the rows of inner boom, outer boom and telescope: (n, 3, loads)."""
         machine, at = planar_machine(self, setting), planar_columns(setting, record)
         motion = record.position[:, at], record.velocity[:, at], record.acceleration[:, at]
         column = lagrangian_regressor(Geometry.of(machine), *motion) @ tip_mass(machine)
@@ -218,13 +211,11 @@ class HoseMass(Term):
         follows=("extension of the telescope", "inclination of the telescope"),
     )
 
-    @override
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         planar_machine(self, setting)
         return (Parameter("rho_hose", "kg/m", None, "mass of hoses that comes out per metre"),)
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
         _, psi, extension = BoomDirections.of(machine, record)
         turning = machine.gravity * extension**2 / 2.0 * np.cos(psi)
@@ -255,7 +246,6 @@ class SlewCoupling(Term):
 
     reach: float = Field(gt=0)
 
-    @override
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         planar_machine(self, setting)
         return (
@@ -264,7 +254,6 @@ class SlewCoupling(Term):
         )
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
         spin = self.needed(record, "slew_velocity") ** 2
         phi, _, _ = BoomDirections.of(machine, record)

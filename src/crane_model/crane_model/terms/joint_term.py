@@ -1,49 +1,49 @@
 """Terms that act on one joint, at one instant or with a memory; springs and ends of the range."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Annotated, ClassVar, Literal, Self
+from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
-from typing_extensions import override
 
-from crane_model.array import Array, Flags
-from crane_model.configuration import Angle, Positive
+from crane_model.array import Array
+from crane_model.cylinders import cylinder_geometry
 from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine
 from crane_model.motion_columns import MotionColumn, MotionQuantity, fill
 from crane_model.record import Record
-from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape, Term
+from crane_model.terms.term import Parameter, Setting, Term
 
 # Terms that act on one joint at one instant.
 
 
 class OneJointTerm(Term):
-    """A term on a single joint, with any number of parameters."""
+    """A term on a single joint, with any number of parameters: its `symbols`, without the joint.
+
+    In their units {coordinate}, {force} and {inertia} stand for those of the joint.
+    """
+
+    symbols: ClassVar[tuple[Parameter, ...]] = ()
 
     joint: str
 
     @classmethod
     def places(cls, setting: Setting) -> tuple[str | None, ...]:
-        """Every joint of the model."""
         return tuple(setting.units)
 
     @property
     def only_joint(self) -> str | None:
-        """The joint of its field."""
         return self.joint
 
-    @abstractmethod
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """The parameters, without the joint in their names."""
+        units = setting.units[self.joint], setting.force_unit(self.joint)
+        return tuple(symbol.in_units(*units) for symbol in self.symbols)
 
     @abstractmethod
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """Regressor columns on joint j: (n,), or (n, parameters)."""
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """Each named symbol.joint."""
         if self.joint not in setting.units:
             raise ConfigurationError(
                 f"term '{self.type}': the model has no joint '{self.joint}'; "
@@ -55,12 +55,24 @@ class OneJointTerm(Term):
         )
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """Zero but on the term's own joint."""
         j = record.column(self.joint)
         columns[:, j] = self.joint_columns(record, setting, j).reshape(len(record), -1)
 
 
-class JointTerm(OneJointTerm):
+class OneParameterTerm(OneJointTerm):
+    """A term on a single joint with one parameter, its `symbol`."""
+
+    symbol: ClassVar[Parameter]
+
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """The single parameter, given the units of the joint's coordinate and force."""
+        return self.symbol.in_units(coordinate, force)
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        return (self.parameter(setting.units[self.joint], setting.force_unit(self.joint)),)
+
+
+class JointTerm(OneParameterTerm):
     """A term with one parameter that depends on what its joint does at the same instant alone."""
 
     of_one_instant: ClassVar[bool] = True
@@ -69,16 +81,7 @@ class JointTerm(OneJointTerm):
     def column(self, record: Record, j: int) -> Array:
         """The single regressor column on joint j: (n,)."""
 
-    @abstractmethod
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        """The single parameter, given the units of the joint's coordinate and force."""
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """The single parameter."""
-        return (self.parameter(setting.units[self.joint], setting.force_unit(self.joint)),)
-
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """The single column."""
         return self.column(record, j)
 
 
@@ -92,29 +95,18 @@ class MotionTerm(OneJointTerm):
         """The columns."""
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """The same, compiled."""
         fill(self.motion_columns(setting), record, columns)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """Those of its own joint."""
         return self.columns(record, setting)[:, j]
 
 
-class ProportionalTerm(MotionTerm):
+class ProportionalTerm(OneParameterTerm, MotionTerm):
     """A term with one parameter, times a quantity of its joint's motion."""
 
     quantity: ClassVar[MotionQuantity]
 
-    @abstractmethod
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        """The single parameter, given the units of the joint's coordinate and force."""
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """The single parameter."""
-        return (self.parameter(setting.units[self.joint], setting.force_unit(self.joint)),)
-
     def motion_columns(self, setting: Setting) -> tuple[MotionColumn, ...]:
-        """The single column."""
         return (MotionColumn(self.joint, 0, self.quantity, self.joint),)
 
 
@@ -152,136 +144,59 @@ class MemoryTerm(Term):
         return self.trace(record, setting) if known is None else known
 
 
-class JointMemoryTerm(MemoryTerm, OneJointTerm):
+class JointMemoryTerm(MemoryTerm, OneParameterTerm):
     """A term with memory and one parameter, on a single joint."""
 
     @abstractmethod
     def column(self, states: Array, record: Record, j: int) -> Array:
         """The single regressor column on joint j, given the states (n, s): (n,)."""
 
-    @abstractmethod
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        """The single parameter, given the units of the joint's coordinate and force."""
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """The single parameter."""
-        return (self.parameter(setting.units[self.joint], setting.force_unit(self.joint)),)
-
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """The single column."""
         return self.column(self.states(record, setting), record, j)
 
 
-# Gas springs, which carry a part of the weight of an arm.
+# Cylinders as terms see them: lever arm, and the force of each chamber.
 
 
-class GasSpring(JointTerm):
-    """tau = s p A dL/dq: a piston between a pin `distance` from the joint and one on a `crank`.
-
-    L^2 = distance^2 + crank^2 - 2 distance crank cos(q + angle) is the length between the pins, and
-    p = `pressure` `volume` / (`volume` - A (L - distance + crank)) that of gas at one temperature,
-    which the piston compresses as it is drawn out of its shortest length. s, the parameter, is 1 as
-    the data sheet has it. Over a small range of q it can hardly be told from weight: give a prior.
-    """
-
-    type: Literal["gas_spring"] = "gas_spring"
-    family: ClassVar[Family] = "gravity and load"
-
-    distance: Annotated[Positive, Field(examples=[0.8])]  # m
-    crank: Annotated[Positive, Field(examples=[0.2])]  # m
-    angle: Annotated[Angle, Field(examples=[0.1])]  # of the crank to the far pin where q = 0
-    area: Annotated[Positive, Field(examples=[1.7e-3])]  # m2 that the gas acts on
-    pressure: Annotated[Positive, Field(examples=[16e6])]  # Pa at the shortest length
-    volume: Annotated[Positive, Field(examples=[1e-3])]  # m3 there
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """s; `ConfigurationError` for a joint that does not turn."""
-        if setting.units.get(self.joint) == "m":
-            raise ConfigurationError(
-                f"term 'gas_spring': joint '{self.joint}' slides; a gas spring works on a crank"
-            )
-        return super().joint_parameters(setting)
-
-    def column(self, record: Record, j: int) -> Array:
-        """p A dL/dq: (n,) [N m]; nan where the gas has no room left."""
-        angle = record.position[:, j] + self.angle
-        both = self.distance * self.crank
-        length = np.sqrt(self.distance**2 + self.crank**2 - 2.0 * both * np.cos(angle))
-        left = self.volume - self.area * (length - self.distance + self.crank)
-        pressure = self.pressure * self.volume / np.where(left > 0.0, left, np.nan)
-        torque: Array = pressure * self.area * both * np.sin(angle) / length
-        return torque
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("gas_spring", "1", 0.0, "force of the gas spring over its data sheet's")
-
-
-# Resistance near the ends of the range of a joint.
-
-End = Literal["lower", "upper"]
-FLOWS = 2  # laminar and turbulent: parameters of each end
-
-
-class EndCushioning(OneJointTerm):
-    """(f + h |q'|) q' d/zone, with d how deep the joint stands within a `zone` before a limit.
-
-    Cushions throttle the oil on the last part of the stroke: a gap does in proportion to the speed,
-    an orifice to its square. Each of the `ends` has f and h of its own; of others nothing is known.
-    Limits are those of Table 2.
-    """
-
-    type: Literal["end_cushioning"] = "end_cushioning"
-    family: ClassVar[Family] = "hydraulics"
-    effect: ClassVar[Effect] = Effect(
-        "end cushioning",
-        "resistance to motion near the ends of the range only",
-        ("position_friction",),
-        "sweeps into both ends of the range at several speeds",
-        follows=("position",),
-    )
-    shapes: ClassVar[dict[str, Shape]] = {
-        "zone": Shape(0.02, 0.3, "rad or m", 6, "length of the zone before each limit")
-    }
-    former: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {"f_e": "each end has a laminar and a turbulent resistance of its own"}
-    )
-
-    zone: float = Field(gt=0)
-    ends: tuple[End, ...] = Field(default=("lower", "upper"), min_length=1)
-
-    @override
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        if setting.machine is None or self.joint not in setting.machine.limits:
-            raise ConfigurationError(
-                f"term '{self.type}': needs a machine with limits of joint '{self.joint}'"
-            )
-        force, coordinate = setting.force_unit(self.joint), setting.units[self.joint]
-        laminar, turbulent = f"{force} s/{coordinate}", f"{force} s2/{coordinate}2"
-        return tuple(
-            one
-            for end in self.ends
-            for one in (
-                Parameter(f"f_{end}", laminar, 0.0, f"viscous resistance at the {end} end"),
-                Parameter(f"h_{end}", turbulent, 0.0, f"turbulent resistance at the {end} end"),
-            )
+def cylinder_machine(term: Term, setting: Setting, joint: str) -> Machine:
+    """The machine; `ConfigurationError` unless the model has one with a cylinder at `joint`."""
+    machine = setting.machine
+    if machine is None or joint not in machine.cylinders:
+        raise ConfigurationError(
+            f"term '{term.type}': needs a machine with a cylinder at joint '{joint}'; "
+            + ("the model has no machine" if machine is None else f"it has {_listed(machine)}")
         )
+    return machine
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """q' d/zone and q'|q'| d/zone of each of the ends: (n, parameters)."""
-        assert setting.machine is not None  # parameters() refuses such a model
-        limits, q = setting.machine.limits[self.joint], record.position[:, j]
-        to_end = {"lower": q - limits.position_min, "upper": limits.position_max - q}
-        v = record.velocity[:, j]
-        columns = np.empty((len(q), FLOWS * len(self.ends)))
-        for k, end in enumerate(self.ends):
-            columns[:, FLOWS * k] = v * np.maximum(0.0, 1.0 - to_end[end] / self.zone)
-            columns[:, FLOWS * k + 1] = columns[:, FLOWS * k] * np.abs(v)
-        return columns
 
-    @override
-    def showing(self, shown: Flags) -> Self:
-        """Without ends that were not visited; as it is where neither was."""
-        visited = np.flatnonzero(shown.reshape(-1, FLOWS).any(axis=1))
-        ends = tuple(self.ends[k] for k in visited)
-        return self.model_copy(update={"ends": ends}) if ends else self
+def lever(setting: Setting, joint: str, record: Record) -> Array:
+    """dx/dq of (18), (n,); 1 where the model has no machine."""
+    return lever_and_slope(setting, joint, record)[0]
+
+
+def lever_and_slope(setting: Setting, joint: str, record: Record) -> tuple[Array, Array]:
+    """dx/dq of (18) and d2x/dq2, (n,) each; 1 and 0 where the model has no machine."""
+    q = record.position[:, record.column(joint)]
+    if setting.machine is None:
+        return np.ones_like(q), np.zeros_like(q)
+    return cylinder_geometry(setting.machine, joint, q)[1:]
+
+
+def chamber_forces(term: Term, record: Record, setting: Setting, joint: str) -> Array:
+    """dx/dq A p of chambers A and B: (n, 2) generalized forces; areas are 1 without a machine."""
+    j = record.column(joint)
+    pressures = [term.needed(record, name)[:, j] for name in ("pressure_a", "pressure_b")]
+    areas = (1.0, 1.0)
+    if setting.machine is not None:
+        cylinder = cylinder_machine(term, setting, joint).cylinders[joint]
+        areas = cylinder.area_a, cylinder.area_b
+    return lever(setting, joint, record)[:, np.newaxis] * np.stack(pressures, axis=1) * areas
+
+
+def _listed(machine: Machine) -> str:
+    return ", ".join(machine.cylinders) or "none"
+
+
+def gain_unit(setting: Setting, joint: str) -> str:
+    """Unit of a parameter that multiplies `chamber_forces`."""
+    return "1" if setting.machine is not None else f"{setting.force_unit(joint)}/Pa"

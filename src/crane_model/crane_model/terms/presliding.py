@@ -6,7 +6,6 @@ from typing import ClassVar, Literal
 import numpy as np
 from numba import njit
 from pydantic import Field
-from typing_extensions import override
 
 from crane_model.array import Array, Flags
 from crane_model.record import Record
@@ -36,55 +35,51 @@ class Presliding(JointMemoryTerm):
     shapes: ClassVar[dict[str, Shape]] = {
         "travel": Shape(3e-4, 3e-2, "rad or m", 9, "displacement over which friction builds up")
     }
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_h", "{force}", 0.0, "friction that builds up over a displacement"
+    )
 
     travel: float = Field(gt=0)
 
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("f_h", force, 0.0, "friction that builds up over a displacement")
-
     def start(self, record: Record, setting: Setting) -> Array:
-        """z = 0."""
         return np.zeros((len(record), 1))
 
     def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Exact for a step in one direction."""
         j = before.column(self.joint)
-        way = (after.position[:, j] - before.position[:, j]) / self.travel
-        return _advanced(states[:, 0], way)[:, np.newaxis]
+        displacement = (after.position[:, j] - before.position[:, j]) / self.travel
+        return _advanced(states[:, 0], displacement)[:, np.newaxis]
 
     def column(self, states: Array, record: Record, j: int) -> Array:
-        """z."""
         return states[:, 0]
 
     def trace(self, record: Record, setting: Setting) -> Array:
-        """As `advance` from sample to sample, compiled."""
         q = record.position[:, record.column(self.joint)]
-        way = np.diff(q, prepend=q[:1]) / self.travel
-        return _traced(way, record.first_of_run)[:, np.newaxis]
+        displacement = np.diff(q, prepend=q[:1]) / self.travel
+        return _traced(displacement, record.first_of_run)[:, np.newaxis]
 
 
 @njit(cache=True)
-def _slid(z: float, way: float) -> float:
+def _slid(z: float, displacement: float) -> float:
     """z after a way in units of the travel."""
-    end = 1.0 if way > 0.0 else -1.0
-    return end + (z - end) * math.exp(-abs(way))
+    end = 1.0 if displacement > 0.0 else -1.0
+    return end + (z - end) * math.exp(-abs(displacement))
 
 
 @njit(cache=True)
-def _advanced(z: Array, way: Array) -> Array:
+def _advanced(z: Array, displacement: Array) -> Array:
     out = np.empty_like(z)
     for n in range(len(z)):
-        out[n] = _slid(z[n], way[n])
+        out[n] = _slid(z[n], displacement[n])
     return out
 
 
 @njit(cache=True)
-def _traced(way: Array, first: Flags) -> Array:
-    z = np.zeros(len(way))
-    for k in range(1, len(way)):
+def _traced(displacement: Array, first: Flags) -> Array:
+    z = np.zeros(len(displacement))
+    for k in range(1, len(displacement)):
         if not first[k]:
-            z[k] = _slid(z[k - 1], way[k])
+            z[k] = _slid(z[k - 1], displacement[k])
     return z
 
 
@@ -111,62 +106,58 @@ class Stiction(JointMemoryTerm):
         "travel": Shape(3e-4, 3e-2, "rad or m", 7, "displacement over which it gives way"),
         "dwell": Shape(0.2, 5.0, "s", 3, "time at rest in which it grows"),
     }
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_b", "{force}", 0.0, "friction at breakaway beyond Coulomb friction"
+    )
 
     travel: float = Field(gt=0)
     dwell: float = Field(gt=0)
 
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("f_b", force, 0.0, "friction at breakaway beyond Coulomb friction")
-
     def start(self, record: Record, setting: Setting) -> Array:
-        """w = 1."""
         return np.ones((len(record), 1))
 
     def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Exact for a step at rest or in one direction."""
         j = before.column(self.joint)
-        way = (after.position[:, j] - before.position[:, j]) / self.travel
+        displacement = (after.position[:, j] - before.position[:, j]) / self.travel
         rest = (after.time - before.time) / self.dwell
         stands = (before.direction[:, j] == 0.0) & (after.direction[:, j] == 0.0)
-        return _stiction_advanced(states[:, 0], way, rest, stands)[:, np.newaxis]
+        return _stiction_advanced(states[:, 0], displacement, rest, stands)[:, np.newaxis]
 
     def column(self, states: Array, record: Record, j: int) -> Array:
-        """w sgn(q')."""
         return states[:, 0] * record.direction[:, j]
 
     def trace(self, record: Record, setting: Setting) -> Array:
-        """As `advance` from sample to sample, compiled."""
         j = record.column(self.joint)
         q, still = record.position[:, j], record.direction[:, j] == 0.0
-        way = np.diff(q, prepend=q[:1]) / self.travel
+        displacement = np.diff(q, prepend=q[:1]) / self.travel
         rest = np.diff(record.time, prepend=record.time[:1]) / self.dwell
         stands = still & np.roll(still, 1)
-        return _stiction_traced(way, rest, stands, record.first_of_run)[:, np.newaxis]
+        return _stiction_traced(displacement, rest, stands, record.first_of_run)[:, np.newaxis]
 
 
 @njit(cache=True)
-def _grown(w: float, way: float, rest: float, stands: bool) -> float:
+def _grown(w: float, displacement: float, rest: float, stands: bool) -> float:
     """w after a way and a time in units of travel and dwell."""
     if stands:
         return 1.0 + (w - 1.0) * math.exp(-rest)
-    return w * math.exp(-abs(way))
+    return w * math.exp(-abs(displacement))
 
 
 @njit(cache=True)
-def _stiction_advanced(w: Array, way: Array, rest: Array, stands: Flags) -> Array:
+def _stiction_advanced(w: Array, displacement: Array, rest: Array, stands: Flags) -> Array:
     out = np.empty_like(w)
     for n in range(len(w)):
-        out[n] = _grown(w[n], way[n], rest[n], stands[n])
+        out[n] = _grown(w[n], displacement[n], rest[n], stands[n])
     return out
 
 
 @njit(cache=True)
-def _stiction_traced(way: Array, rest: Array, stands: Flags, first: Flags) -> Array:
-    w = np.ones(len(way))
-    for k in range(1, len(way)):
+def _stiction_traced(displacement: Array, rest: Array, stands: Flags, first: Flags) -> Array:
+    w = np.ones(len(displacement))
+    for k in range(1, len(displacement)):
         if not first[k]:
-            w[k] = _grown(w[k - 1], way[k], rest[k], stands[k])
+            w[k] = _grown(w[k - 1], displacement[k], rest[k], stands[k])
     return w
 
 
@@ -199,7 +190,6 @@ class MaxwellSlip(MemoryTerm, OneJointTerm):
     travel: float = Field(gt=0)
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """W_1, W_2, W_3."""
         force = setting.force_unit(self.joint)
         return tuple(
             Parameter(f"W_{i + 1}", force, 0.0, f"force at which element {i + 1} slips")
@@ -207,33 +197,30 @@ class MaxwellSlip(MemoryTerm, OneJointTerm):
         )
 
     def start(self, record: Record, setting: Setting) -> Array:
-        """z = 0."""
         return np.zeros((len(record), len(SHARES)))
 
     def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Exact for a step in one direction."""
         j = before.column(self.joint)
-        way = (after.position[:, j] - before.position[:, j]) / self.travel
-        moved: Array = np.clip(states + way[:, np.newaxis] / SHARES, -1.0, 1.0)
+        displacement = (after.position[:, j] - before.position[:, j]) / self.travel
+        moved: Array = np.clip(states + displacement[:, np.newaxis] / SHARES, -1.0, 1.0)
         return moved
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """z (n, 3)."""
         return self.states(record, setting)
 
     def trace(self, record: Record, setting: Setting) -> Array:
-        """As `advance` from sample to sample, compiled."""
         q = record.position[:, record.column(self.joint)]
         return _slip_traced(np.diff(q, prepend=q[:1]) / self.travel, SHARES, record.first_of_run)
 
 
 @njit(cache=True)
-def _slip_traced(way: Array, shares: Array, first: Flags) -> Array:
-    z = np.zeros((len(way), len(shares)))
-    for k in range(1, len(way)):
+def _slip_traced(displacement: Array, shares: Array, first: Flags) -> Array:
+    z = np.zeros((len(displacement), len(shares)))
+    for k in range(1, len(displacement)):
         if not first[k]:
             for i in range(len(shares)):
-                z[k, i] = min(1.0, max(-1.0, z[k - 1, i] + way[k] / shares[i]))
+                z[k, i] = min(1.0, max(-1.0, z[k - 1, i] + displacement[k] / shares[i]))
     return z
 
 
@@ -260,59 +247,54 @@ class Backlash(JointMemoryTerm):
     shapes: ClassVar[dict[str, Shape]] = {
         "clearance": Shape(5e-4, 2e-2, "rad or m", 7, "motion of the joint across the clearance")
     }
+    symbol: ClassVar[Parameter] = Parameter(
+        "f_g", "{force}", 0.0, "force that is missing until the clearance is crossed"
+    )
 
     clearance: float = Field(gt=0)
 
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("f_g", force, 0.0, "force that is missing until the clearance is crossed")
-
     def start(self, record: Record, setting: Setting) -> Array:
-        """Seated on the side of the load."""
         return np.sign(self._load(record))[:, np.newaxis]
 
     def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
-        """Towards the side of the load at the end of the step."""
         j = before.column(self.joint)
-        way = 2.0 * (after.position[:, j] - before.position[:, j]) / self.clearance
-        return _play_advanced(states[:, 0], way, self._load(after))[:, np.newaxis]
+        displacement = 2.0 * (after.position[:, j] - before.position[:, j]) / self.clearance
+        return _play_advanced(states[:, 0], displacement, self._load(after))[:, np.newaxis]
 
     def column(self, states: Array, record: Record, j: int) -> Array:
-        """(z - c)/2; 0 without load."""
         load = self._load(record)
         return np.where(load == 0.0, 0.0, (states[:, 0] - np.sign(load)) / 2.0)
 
     def trace(self, record: Record, setting: Setting) -> Array:
-        """As `advance` from sample to sample, compiled."""
         q = record.position[:, record.column(self.joint)]
-        way = 2.0 * np.diff(q, prepend=q[:1]) / self.clearance
-        return _play_traced(way, self._load(record), record.first_of_run)[:, np.newaxis]
+        displacement = 2.0 * np.diff(q, prepend=q[:1]) / self.clearance
+        return _play_traced(displacement, self._load(record), record.first_of_run)[:, np.newaxis]
 
     def _load(self, record: Record) -> Array:
         return self.needed(record, "force")[:, record.column(self.joint)]
 
 
 @njit(cache=True)
-def _crossed(z: float, way: float, load: float) -> float:
+def _crossed(z: float, displacement: float, load: float) -> float:
     """z after a way in units of half the clearance, under a load."""
     if load == 0.0:
         return z
     side = 1.0 if load > 0.0 else -1.0
-    return z + min(abs(way), max(-abs(way), side - z))
+    return z + min(abs(displacement), max(-abs(displacement), side - z))
 
 
 @njit(cache=True)
-def _play_advanced(z: Array, way: Array, load: Array) -> Array:
+def _play_advanced(z: Array, displacement: Array, load: Array) -> Array:
     out = np.empty_like(z)
     for n in range(len(z)):
-        out[n] = _crossed(z[n], way[n], load[n])
+        out[n] = _crossed(z[n], displacement[n], load[n])
     return out
 
 
 @njit(cache=True)
-def _play_traced(way: Array, load: Array, first: Flags) -> Array:
+def _play_traced(displacement: Array, load: Array, first: Flags) -> Array:
     z = np.sign(load)
-    for k in range(1, len(way)):
+    for k in range(1, len(displacement)):
         if not first[k]:
-            z[k] = _crossed(z[k - 1], way[k], load[k])
+            z[k] = _crossed(z[k - 1], displacement[k], load[k])
     return z

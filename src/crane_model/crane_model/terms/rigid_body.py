@@ -1,21 +1,29 @@
 """Rigid-body terms."""
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crane_model.array import Array
-from crane_model.base_parameters import lagrangian_from_standard, standard_from_chain
-from crane_model.dynamics import Geometry, fill_base_regressor, pull_back
+from crane_model.base_parameters import (
+    AXIS_COSINE,
+    BaseSet,
+    base_set,
+    lagrangian_from_standard,
+    standard_from_chain,
+)
+from crane_model.chain import PER_BODY, SerialChain, fill_regressor
+from crane_model.chain import pull_back as chain_pull_back
+from crane_model.dynamics import Geometry, fill_base_regressor, planar_pull_back
 from crane_model.errors import ConfigurationError
+from crane_model.joint import MachineJoint
 from crane_model.machine import Machine
-from crane_model.motion_columns import MotionColumn, MotionQuantity
 from crane_model.record import Record
-from crane_model.terms.chambers import lever_and_slope
 from crane_model.terms.gravity_and_load import planar_columns, planar_machine
-from crane_model.terms.joint_term import MotionTerm, OneJointTerm
-from crane_model.terms.term import Effect, Family, Parameter, Setting, Term
+from crane_model.terms.term import Family, Parameter, Setting, Term
 
 
 class PlanarRigidBody(Term):
@@ -31,31 +39,27 @@ class PlanarRigidBody(Term):
     of_one_instant: ClassVar[bool] = True
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """The base set of the suite, each named as the combination that it is."""
         planar_machine(self, setting)
         return BASE_PARAMETERS
 
     def of_bodies(self, setting: Setting) -> Array | None:
-        """The base set from the bodies of the chain."""
         machine = planar_machine(self, setting)
         lagrangian = lagrangian_from_standard(Geometry.of(machine))
         bodies: Array = lagrangian[: len(BASE_PARAMETERS)] @ standard_from_chain(machine)
         return bodies
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """On the rows of inner boom, outer boom and telescope."""
         geometry = Geometry.of(planar_machine(self, setting))
         motion = record.position, record.velocity, record.acceleration
         fill_base_regressor(geometry, *motion, planar_columns(setting, record), columns)
 
     def pull_back(self, record: Record, setting: Setting, weight: Array) -> Array:
-        """In closed form."""
         geometry = Geometry.of(planar_machine(self, setting))
         at = planar_columns(setting, record)
         motion = record.position, record.velocity, record.acceleration
-        q, v, acceleration = (each[:, at] for each in motion)
+        q, v, acceleration = (values[:, at] for values in motion)
         slopes = np.zeros((3, *record.position.shape))
-        slopes[:, :, at] = pull_back(geometry, q, v, acceleration, weight[:, at])
+        slopes[:, :, at] = planar_pull_back(geometry, q, v, acceleration, weight[:, at])
         return slopes
 
 
@@ -116,95 +120,159 @@ LAGRANGIAN = (
 """Those of `crane_model.dynamics`: the base set where that moment does not follow from the mass."""
 
 
-# Rotors that turn fast behind a gear.
+# The rigid bodies of any serial machine.
+
+_UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}  # else kg m2
+_SPAN_TOLERANCE = 1e-6  # of the norm of a combination, that two sets span the same
 
 
-class RotorInertia(MotionTerm):
-    """I n a'': the rotor of a drive turns by a = n q, with n its gear ratio.
+class SerialRigidBody(Term):
+    """M(q) q'' + C(q, q') q' + G(q) (6) of a serial chain in space, linear in its base parameters.
 
-    Where a coupling makes several joints turn the rotor, it acts on all of them. That the rotor is
-    carried along, the gyroscopic part, is left out: it has no gear to multiply it.
+    Each is a combination of the ten parameters of the bodies (`crane_model.chain`), named after the
+    one that its joint shows, for example the inertia about its axis: Izz.boom, or Izz_r.boom where
+    others are regrouped with it, which its meaning lists.
+    Bodies that are symmetric may have parameters that are `zero`, as mx.telescope. Joints of the
+    machine that the model lacks stand still. A crane as of the report has its parameters (8) under
+    their names, and S_TL_normal unless that is excluded by mx of its telescope being zero.
     """
 
-    type: Literal["rotor_inertia"] = "rotor_inertia"
+    type: Literal["serial_rigid_body"] = "serial_rigid_body"
     family: ClassVar[Family] = "rigid body"
-    effect: ClassVar[Effect] = Effect(
-        "inertia of a rotor",
-        "force with the acceleration of its own joint only",
-        (),
-        "fast motion of one joint at a time",
-        follows=("acceleration",),
-    )
+    of_one_instant: ClassVar[bool] = True
 
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """I of the rotor itself."""
-        machine = self._machine(setting)
-        if lacking := machine.seen_by(self.joint).keys() - setting.units.keys():
-            raise ConfigurationError(
-                f"term '{self.type}': the rotor of '{self.joint}' also turns with "
-                f"{', '.join(sorted(lacking))}, which the model lacks"
-            )
-        return (Parameter("I_rotor", "kg m2", 0.0, "inertia of the rotor of the drive"),)
+    zero: tuple[str, ...] = ()
 
-    def motion_columns(self, setting: Setting) -> tuple[MotionColumn, ...]:
-        """On the rows of all joints that turn the rotor."""
-        return _columns(self._machine(setting), self.joint)
+    @property
+    def zero_moments(self) -> tuple[str, ...]:
+        return self.zero
 
-    def _machine(self, setting: Setting) -> Machine:
+    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        return self._bodies(setting).parameters
+
+    def of_bodies(self, setting: Setting) -> Array | None:
+        bodies = self._bodies(setting)
+        if bodies.turned is None:
+            return bodies.base.combination
+        turned: Array = np.asarray(np.linalg.solve(bodies.turned, bodies.base.combination), float)
+        return turned
+
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
+        bodies = self._bodies(setting)
+        motion = self._motion(record, setting)
+        if bodies.turned is None:
+            fill_regressor(*motion.chain, bodies.base.leading, *motion.samples, columns)
+            return
+        regressor = np.zeros(columns.shape)
+        fill_regressor(*motion.chain, bodies.base.leading, *motion.samples, regressor)
+        columns[:] = regressor @ bodies.turned
+
+    def pull_back(self, record: Record, setting: Setting, weight: Array) -> Array:
+        bodies = self._bodies(setting)
+        motion = self._motion(record, setting)
+        if bodies.turned is not None:
+            weight = weight @ bodies.turned.T
+        slopes: Array = chain_pull_back(*motion.chain, bodies.base.leading, *motion.samples, weight)
+        return slopes[:, :, : record.position.shape[1]]
+
+    def _motion(self, record: Record, setting: Setting) -> "_Motion":
         machine = setting.machine
-        if machine is None or self.joint not in machine.rotors:
-            known = "the model has none" if machine is None else f"it has {_listed(machine)}"
-            raise ConfigurationError(
-                f"term '{self.type}': needs a machine with a motor at joint '{self.joint}'; {known}"
-            )
-        return machine
+        assert machine is not None  # _bodies() refuses such a model
+        names = [joint for joint in machine.joint_names if joint in setting.units]
+        places = {joint: record.column(joint) for joint in names}
+        still = record.position.shape[1]  # a column of zeros beside those of the record
+        samples = [record.position, record.velocity, record.acceleration]
+        if len(names) < len(machine.joint_names):
+            samples = [np.pad(values, ((0, 0), (0, 1))) for values in samples]
+        at = np.array([places.get(joint, still) for joint in machine.joint_names])
+        leader = at[machine.chain.leader]
+        rows = np.where(leader == still, -1, leader)
+        return _Motion((machine.chain._replace(leader=leader), rows), samples)
+
+    def _bodies(self, setting: Setting) -> "_Bodies":
+        machine = setting.machine
+        if machine is None:
+            raise ConfigurationError(f"term '{self.type}': needs a machine; the model has none")
+        joints = tuple(joint for joint in machine.joint_names if joint in setting.units)
+        try:
+            return _bodies(machine, joints, self.zero)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"term '{self.type}': {error}") from None
+
+
+class _Motion(NamedTuple):
+    """A record as the chain takes it."""
+
+    chain: tuple[SerialChain, NDArray[np.int64]]  # its joints lead from the record's columns, rows
+    samples: Sequence[Array]  # q, q', q''
+
+
+class _Bodies(NamedTuple):
+    """What a term knows of the bodies of its model."""
+
+    base: BaseSet
+    parameters: tuple[Parameter, ...]
+    turned: Array | None  # (r, r): columns of other combinations from those of the base set
 
 
 @lru_cache(maxsize=64)
-def _columns(machine: Machine, joint: str) -> tuple[MotionColumn, ...]:
-    seen = machine.seen_by(joint)
-    gear: float = machine.cylinder(joint, np.zeros(1))[0, 1]
-    return tuple(
-        MotionColumn(row, 0, MotionQuantity.ACCELERATION, turning, gear**2 * own * share)
-        for row, own in seen.items()
-        for turning, share in seen.items()
+def _bodies(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...]) -> _Bodies:
+    if not joints:
+        raise ConfigurationError(
+            f"the model has no joint of {machine.name}, which has {', '.join(machine.joint_names)}"
+        )
+    base = base_set(machine, joints, zero)
+    if unknown := set(zero) - set(base.names):
+        raise ConfigurationError(
+            f"zero: no parameter '{min(unknown)}'; there are {', '.join(PER_BODY)} of each of "
+            f"{', '.join(joint.name for joint in machine.joints)}"
+        )
+    if (turned := _in_the_plane(machine, joints, base)) is not None:
+        return _Bodies(base, LAGRANGIAN[: len(base.leading)], turned)
+    return _Bodies(
+        base, tuple(_parameter(machine, base, k) for k in range(len(base.leading))), None
     )
 
 
-def _listed(machine: Machine) -> str:
-    return ", ".join(machine.rotors) or "no motor"
-
-
-# Inertia of the drive itself.
-
-
-class ActuatorInertia(OneJointTerm):
-    """m x'' dx/dq: piston, rod and oil of mass m move by x(q) of (20), (24).
-
-    x'' = dx/dq q'' + d2x/dq2 q'^2; without a machine x = q, and m is an inertia of the joint.
-    """
-
-    type: Literal["actuator_inertia"] = "actuator_inertia"
-    family: ClassVar[Family] = "rigid body"
-    effect: ClassVar[Effect] = Effect(
-        "inertia of the actuator",
-        "force with the acceleration of its own joint only",
-        ("time_skew", "boom_flexibility"),
-        "fast motion of one joint at a time; on the inner boom only the weight of the drive",
-        follows=("acceleration",),
+def _parameter(machine: Machine, base: BaseSet, k: int) -> Parameter:
+    kind, _, joint = base.names[base.leading[k]].partition(".")
+    parts = base.combination[k]
+    positive = (parts >= 0.0).all() and kind in ("m", "Ixx", "Iyy", "Izz")
+    positive = positive and all(
+        base.names[i].startswith(("m.", "Ixx", "Iyy", "Izz")) for i in np.flatnonzero(parts)
     )
+    symbol = kind if np.count_nonzero(parts) == 1 else f"{kind}_r"
+    unit = _UNITS.get(kind, "kg m2")
+    moved = next(moved for moved in machine.joints if moved.name == joint)
+    told = base.told(k)
+    meaning = f"{_meaning(moved, kind)}{'' if told == f'{kind}.{joint}' else f', {told}'}"
+    return Parameter(f"{symbol}.{joint}", unit, 0.0 if positive else None, meaning)
 
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """m; `ConfigurationError` for a motor, whose rotor has an inertia and no mass."""
-        if setting.machine is not None and self.joint in setting.machine.rotors:
-            raise ConfigurationError(
-                f"term '{self.type}': a motor drives '{self.joint}': use the term 'rotor_inertia'"
-            )
-        rotary = setting.machine is None and setting.units[self.joint] == "rad"
-        unit = "kg m2" if rotary else "kg"
-        return (Parameter("m_drive", unit, 0.0, "mass that moves with the piston"),)
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """x'' dx/dq."""
-        arm, slope = lever_and_slope(setting, self.joint, record)
-        return arm * (arm * record.acceleration[:, j] + slope * record.velocity[:, j] ** 2)
+def _meaning(joint: MachineJoint, kind: str) -> str:
+    """One of the ten parameters of a body in words."""
+    if kind == "m":
+        return f"mass that {joint.name} moves"
+    axes = kind.removeprefix("m").removeprefix("I")
+    if kind[0] == "m":
+        return f"mass moment along {axes} of {joint.name}"
+    if axes[0] != axes[1]:
+        return f"product of inertia {axes} of {joint.name}"
+    if abs(joint.direction["xyz".index(axes[0])]) > AXIS_COSINE:
+        return f"inertia about the axis of {joint.name}"
+    return f"inertia about {axes[0]} of {joint.name}"
+
+
+def _in_the_plane(machine: Machine, joints: tuple[str, ...], base: BaseSet) -> Array | None:
+    """(r, r) from columns of the base set to those of (8), where they span the same; else None."""
+    crane = machine.planar
+    if crane is None or joints != crane.joints:
+        return None
+    known = lagrangian_from_standard(Geometry.of(machine)) @ standard_from_chain(machine)
+    kept = np.any(base.combination != 0.0, axis=0)
+    planar = (known * kept)[: len(base.leading)]
+    turned: Array = np.linalg.lstsq(planar.T, base.combination.T, rcond=None)[0].T
+    rest = base.combination - turned @ planar
+    if np.linalg.norm(rest) > _SPAN_TOLERANCE * np.linalg.norm(base.combination):
+        return None
+    return turned

@@ -5,30 +5,29 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
-from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
-from crane_model.terms.chambers import (
+from crane_model.terms.force_scale import MAX_SCALE_ERROR, USUAL_SCALE_ERROR, ForceScale, OfBodies
+from crane_model.terms.gravity_and_load import planar_machine
+from crane_model.terms.joint_term import (
+    OneJointTerm,
     chamber_forces,
     cylinder_machine,
     gain_unit,
     lever,
     lever_and_slope,
 )
-from crane_model.terms.drawn_friction import DrawnTerm
-from crane_model.terms.force_scale import LARGEST_SCALE, USUAL_SCALE, ForceScale, OfBodies
-from crane_model.terms.gravity_and_load import planar_machine
-from crane_model.terms.joint_term import OneJointTerm
+from crane_model.terms.nonparametric import NonparametricTerm
 from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape, Variable
 
 # What transducers show of a force that they follow through some filter, whatever its form.
 
-LEADS = (-0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # s
+LEADS_S = (-0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
 
 
-class FilteredReading(DrawnTerm):
+class FilteredReading(NonparametricTerm):
     """sum_k w_k (F(t + lead_k) - F(t)) dx/dq: transducers behind a linear filter of any form (18).
 
     The machine felt F(t) + sum_k w_k (F(t + lead_k) - F(t)): all of a constant force, which tells
@@ -42,33 +41,25 @@ class FilteredReading(DrawnTerm):
     said: ClassVar[str] = "a force that follows the change of the measured force"
     draws: ClassVar[tuple[str, ...]] = ("time_skew",)
     variable: ClassVar[Variable] = "lead"
-    spacing: ClassVar[tuple[float, ...]] = LEADS
-    kept: ClassVar[tuple[int, ...]] = tuple(k for k, lead in enumerate(LEADS) if lead)
+    spacing: ClassVar[tuple[float, ...]] = LEADS_S
+    kept: ClassVar[tuple[int, ...]] = tuple(k for k, lead in enumerate(LEADS_S) if lead)
     times: ClassVar[tuple[str, ...]] = ("F(t + lead) - F(t)",)
 
-    knots: tuple[float, ...] = Field(examples=[LEADS])
+    knots: tuple[float, ...] = Field(examples=[LEADS_S])
 
     @classmethod
     def over(cls, x: Array) -> tuple[float, ...]:
-        """The leads, whatever the force."""
-        return LEADS
+        return LEADS_S
 
     @classmethod
     def followed(cls, record: Record, j: int) -> Array:
-        """tau."""
         return record.needed("force", "a shape of a filter")[:, j]
 
-    def factors(self, record: Record, setting: Setting, j: int) -> Array:
-        """1."""
-        return np.ones((len(record), 1))
-
     def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
-        """One."""
         meaning = f"weight of what is shown {self.knots[k]:g} s later"
         return (Parameter(f"w_lead_{k + 1}", "1", None, meaning),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """(F(t + lead) - F(t)) dx/dq: (n, leads)."""
         arm = lever(setting, self.joint, record)
         leads = [self.knots[k] for k in self.kept]
         columns: Array = np.stack([led(self, record, arm, lead) for lead in leads], axis=1)
@@ -85,7 +76,7 @@ def led(term: OneJointTerm, record: Record, arm: Array, lead: float) -> Array:
     return arm * (record.shifted(force / arm, lead) - force / arm)
 
 
-STEP = 1e-4  # rad, of the difference with respect to an angle
+ANGLE_STEP_RAD = 1e-4  # of the difference with respect to an angle
 
 
 class PressureOffset(OneJointTerm):
@@ -111,13 +102,11 @@ class PressureOffset(OneJointTerm):
         follows=("position",),
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         cylinder_machine(self, setting, self.joint)
         return (Parameter("dp", "Pa", None, "reading of the transducer of chamber A at 0 Pa"),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """A_A dx/dq."""
         machine = cylinder_machine(self, setting, self.joint)
         return machine.cylinders[self.joint].area_a * lever(setting, self.joint, record)
 
@@ -142,18 +131,16 @@ class ChamberGain(OneJointTerm):
         ),
         "both transducers on one pressure, at several pressures",
         follows=("pressure of chamber B",),
-        usual=USUAL_SCALE,
-        largest=LARGEST_SCALE,
+        usual=USUAL_SCALE_ERROR,
+        largest=MAX_SCALE_ERROR,
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         unit = gain_unit(setting, self.joint)
         meaning = "share by which the pressure of chamber B is measured too large"
         return (Parameter("gain_B", unit, None, meaning),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """-A_B p_B dx/dq: the part of chamber B in (19)."""
         return -chamber_forces(self, record, setting, self.joint)[:, 1]
 
 
@@ -180,18 +167,16 @@ class ChamberAGain(ForceScale):
         "both transducers beside a reference, at several pressures",
         law_of="chamber_gain",
         follows=("pressure of chamber B", "force"),
-        usual=USUAL_SCALE,
-        largest=LARGEST_SCALE,
+        usual=USUAL_SCALE_ERROR,
+        largest=MAX_SCALE_ERROR,
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         cylinder_machine(self, setting, self.joint)
         meaning = "share by which the pressure of chamber A is measured too large"
         return (Parameter("gain_A", "1", None, meaning),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """tau + A_B p_B dx/dq."""
         in_b = chamber_forces(self, record, setting, self.joint)[:, 1]
         return self.scaled(record, setting, j) + in_b
 
@@ -215,7 +200,6 @@ class EncoderOffset(OfBodies):
         follows=("force", "position"),
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         if self.joint == planar_machine(self, setting).as_planar().joints[-1]:
             raise ConfigurationError(
@@ -225,7 +209,6 @@ class EncoderOffset(OfBodies):
         return (Parameter("dq", "rad", None, "reading of the encoder at zero"),)
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
-        """The lever arm on the joint itself, the bodies on all three."""
         super().fill(record, setting, columns)
         if any(self.bodies):
             columns[:, :, 0] -= self._slope_of_bodies(record, setting)
@@ -233,15 +216,14 @@ class EncoderOffset(OfBodies):
     def _slope_of_bodies(self, record: Record, setting: Setting) -> Array:
         """d/dq of (7), by central differences, (n, 3)."""
         turned = np.zeros_like(record.position)
-        turned[:, record.column(self.joint)] = STEP
+        turned[:, record.column(self.joint)] = ANGLE_STEP_RAD
         after, before = (
             self.force_of_bodies(replace(record, position=q), setting)
             for q in (record.position + turned, record.position - turned)
         )
-        return (after - before) / (2.0 * STEP)
+        return (after - before) / (2.0 * ANGLE_STEP_RAD)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """F d2x/dq2."""
         arm, slope = lever_and_slope(setting, self.joint, record)
         return self.needed(record, "force")[:, j] / arm * slope
 
@@ -269,12 +251,10 @@ class TimeSkew(OneJointTerm):
 
     lead: float = Field(default=0.0, ge=0)
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         return (Parameter("delay", "s", None, "time by which pressures lag behind positions"),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """-(F(t + lead) - F(t))/lead dx/dq."""
         arm = lever(setting, self.joint, record)
         if self.lead > 0.0:
             return -led(self, record, arm, self.lead) / self.lead
@@ -305,14 +285,12 @@ class PressureDrift(OneJointTerm):
         follows=("time", "position"),
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         cylinder_machine(self, setting, self.joint)
         meaning = "drift of the reading of the transducer of chamber A at 0 Pa"
         return (Parameter("dp_drift", "Pa/s", None, meaning),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """t A_A dx/dq."""
         offset = PressureOffset(joint=self.joint).joint_columns(record, setting, j)
         return offset * record.time
 
@@ -331,21 +309,19 @@ class ChamberGainDrift(ForceScale):
         follows=("time", "pressure of chamber B", "force"),
     )
 
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         cylinder_machine(self, setting, self.joint)
         meaning = "drift of the share by which the pressure of chamber A is measured too large"
         return (Parameter("gain_A_drift", "1/s", None, meaning),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """t (tau + A_B p_B dx/dq)."""
         gain = ChamberAGain(joint=self.joint, bodies=self.bodies)
         return gain.joint_columns(record, setting, j) * record.time
 
 
 # What transducers show of pressure without being in proportion to their own: of no effect.
 
-REFERENCE = 1e7  # Pa, at which the parameters of a bend say what it is
+REFERENCE_PRESSURE_PA = 1e7  # at which the parameters of a bend say what it is
 
 
 class BentReading(OneJointTerm):
@@ -357,10 +333,9 @@ class BentReading(OneJointTerm):
 
     type: Literal["bent_reading"] = "bent_reading"
     family: ClassVar[Family] = "sensing"
-    stranger: ClassVar[str] = "a force that bends with the pressure of a chamber"
+    unlisted_signature: ClassVar[str] = "a force that bends with the pressure of a chamber"
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """One of each chamber."""
         cylinder_machine(self, setting, self.joint)
         return tuple(
             Parameter(
@@ -373,10 +348,9 @@ class BentReading(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """A p^2 dx/dq / 10 MPa of both chambers (n, 2)."""
         forces = chamber_forces(self, record, setting, self.joint) * [1.0, -1.0]
         pressures = [self.needed(record, name)[:, j] for name in ("pressure_a", "pressure_b")]
-        return forces * np.stack(pressures, axis=1) / REFERENCE
+        return forces * np.stack(pressures, axis=1) / REFERENCE_PRESSURE_PA
 
 
 class CurvedReadingOfA(OneJointTerm):
@@ -387,11 +361,10 @@ class CurvedReadingOfA(OneJointTerm):
 
     type: Literal["curved_reading_a"] = "curved_reading_a"
     family: ClassVar[Family] = "sensing"
-    stranger: ClassVar[str] = "a force that bends with the pressure of chamber A"
+    unlisted_signature: ClassVar[str] = "a force that bends with the pressure of chamber A"
     chamber: ClassVar[Literal["A", "B"]] = "A"
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """Of the square and of the cube."""
         cylinder_machine(self, setting, self.joint)
         meaning = f"of chamber {self.chamber}, share by which 10 MPa are measured too large"
         return (
@@ -400,10 +373,11 @@ class CurvedReadingOfA(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """Those of the square and of the cube (n, 2); of chamber B against the force."""
         side = "AB".index(self.chamber)
         force = chamber_forces(self, record, setting, self.joint)[:, side] * (1.0, -1.0)[side]
-        ratio = self.needed(record, ("pressure_a", "pressure_b")[side])[:, j] / REFERENCE
+        ratio = (
+            self.needed(record, ("pressure_a", "pressure_b")[side])[:, j] / REFERENCE_PRESSURE_PA
+        )
         columns: Array = np.stack([force * ratio, force * ratio**2], axis=1)
         return columns
 
@@ -412,7 +386,7 @@ class CurvedReadingOfB(CurvedReadingOfA):
     """-(curve p_B^2/10 MPa + twist p_B^3/(10 MPa)^2) A_B dx/dq: that of the other chamber (19)."""
 
     type: Literal["curved_reading_b"] = "curved_reading_b"  # type: ignore[assignment]
-    stranger: ClassVar[str] = "a force that bends with the pressure of chamber B"
+    unlisted_signature: ClassVar[str] = "a force that bends with the pressure of chamber B"
     chamber: ClassVar[Literal["A", "B"]] = "B"
 
 
@@ -421,10 +395,11 @@ class OtherPressures(OneJointTerm):
 
     type: Literal["other_pressures"] = "other_pressures"
     family: ClassVar[Family] = "sensing"
-    stranger: ClassVar[str] = "a force that follows the pressures of another joint's cylinder"
+    unlisted_signature: ClassVar[str] = (
+        "a force that follows the pressures of another joint's cylinder"
+    )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """One of each chamber of each other cylinder."""
         return tuple(
             Parameter(
                 f"share_{chamber}_{joint}",
@@ -437,7 +412,6 @@ class OtherPressures(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """p_k A_A dx/dq (n, chambers)."""
         machine = cylinder_machine(self, setting, self.joint)
         columns = [record.column(joint) for joint in self._others(setting)]
         pressures = [self.needed(record, name)[:, columns] for name in ("pressure_a", "pressure_b")]
@@ -448,4 +422,36 @@ class OtherPressures(OneJointTerm):
     def _others(self, setting: Setting) -> list[str]:
         """The other joints of the model that have a cylinder."""
         machine = cylinder_machine(self, setting, self.joint)
-        return [one for one in setting.units if one in machine.cylinders and one != self.joint]
+        return [
+            joint for joint in setting.units if joint in machine.cylinders and joint != self.joint
+        ]
+
+
+class VelocityLag(OneJointTerm):
+    """sech^2(q'/speed) (c_1 q'/speed + c_2 q''): a velocity estimate that is wrong at reversals.
+
+    A smoothed velocity passes zero too flat and at the wrong instant, so that sgn(q') of (10) jumps
+    elsewhere than friction does. To first order that is d tanh(q'/speed) times an error of the
+    velocity in proportion to q' and to q''. It looks like Stribeck friction and is there always.
+    """
+
+    type: Literal["velocity_lag"] = "velocity_lag"
+    family: ClassVar[Family] = "sensing"
+    nuisance: ClassVar[bool] = True
+    shapes: ClassVar[dict[str, Shape]] = {
+        "speed": Shape(3e-3, 0.1, "rad/s or m/s", 5, "speed below which the estimate is wrong")
+    }
+
+    speed: float = Field(gt=0)
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        force, unit = setting.force_unit(self.joint), setting.units[self.joint]
+        return (
+            Parameter("flat", force, None, "friction misplaced by an error along the velocity"),
+            Parameter("late", f"{force} s2/{unit}", None, "friction misplaced by a delay"),
+        )
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        ratio = record.velocity[:, j] / self.speed
+        near = 1.0 / np.cosh(np.minimum(np.abs(ratio), 300.0)) ** 2
+        return np.stack([near * ratio, near * record.acceleration[:, j]], axis=1)

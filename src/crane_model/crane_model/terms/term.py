@@ -1,7 +1,10 @@
-"""What a term of the model is, and the registry of all of them."""
+"""What a term of the model is, the registry of all of them, and the candidates among them."""
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
@@ -9,11 +12,11 @@ import numpy as np
 from pydantic import Field
 
 from crane_model.array import Array, Flags
-from crane_model.configuration import Schema
+from crane_model.configuration import Schema, load_entry_points, of_type
+from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.motion_columns import MotionColumn
 from crane_model.record import Record
-from crane_model.registry import of_type
 
 # What single recordings carry.
 
@@ -63,8 +66,8 @@ class Effect(NamedTuple):
     largest: float = float("inf")  # size of its parameters, beyond which it is no such effect
 
 
-class DrawnCurve(NamedTuple):
-    """A law that is drawn: values (k,) at knots (k,) of a variable, to be multiplied by `times`."""
+class NonparametricCurve(NamedTuple):
+    """Values (k,) at knots (k,) of a variable, straight between, to be multiplied by `times`."""
 
     variable: Variable
     knots: tuple[float, ...]
@@ -128,6 +131,12 @@ class Parameter(NamedTuple):
     minimum: float | None
     meaning: str
 
+    def in_units(self, coordinate: str, force: str) -> "Parameter":
+        """With the units of a joint where its unit has {coordinate}, {force} or {inertia}."""
+        inertia = "kg m2" if coordinate == "rad" else "kg"
+        unit = self.unit.format(coordinate=coordinate, force=force, inertia=inertia)
+        return self._replace(unit=unit)
+
 
 class Setting(NamedTuple):
     """What a term may know of its model: units of the joints' coordinates, and the machine."""
@@ -154,11 +163,10 @@ class Term(Schema, ABC):
     `has_base_parameters` if its parameters are those of (8), `asymmetry_of` the type of the term
     whose difference between two directions of motion it is, `of_one_instant` if its columns follow
     from the motion at the same instant, `carries_loads` if recordings may differ in it: a field
-    `loads` then says which ones carry what. A `stranger` is a signature that no effect of the
-    catalogue has, in words: a force that shows it is no effect that merely resembles it. A term
-    whose law is a shape says with `draws` of which types of terms it is the law, and with `holds`
-    which others it is at some shape. `former` are parameters that it had under an earlier law, each
-    with what is now in its place: model files that give values of these must be fitted anew.
+    `loads` then says which ones carry what. `unlisted_signature` says
+    in words what no effect of the catalogue shows: a force that does is not an effect that merely
+    resembles it. A nonparametric term names with `draws` the types of terms whose curve it is, and
+    with `holds` those that it is at some shape.
     """
 
     type: str
@@ -171,10 +179,9 @@ class Term(Schema, ABC):
     asymmetry_of: ClassVar[str | None] = None
     of_one_instant: ClassVar[bool] = False
     carries_loads: ClassVar[bool] = False
-    stranger: ClassVar[str] = ""
+    unlisted_signature: ClassVar[str] = ""
     draws: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[tuple[str, ...]] = ()
-    former: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -239,7 +246,7 @@ class Term(Schema, ABC):
         """
         return self
 
-    def curves(self, values: Array) -> tuple[DrawnCurve, ...]:
+    def curves(self, values: Array) -> tuple[NonparametricCurve, ...]:
         """The law as these parameters (p,) draw it; none where it is a formula."""
         return ()
 
@@ -297,3 +304,102 @@ def term_from_mapping(content: Mapping[str, Any]) -> Term:
     """The term that an entry of a model file describes; raises ValueError as pydantic wants it."""
     more = "those of installed packages and of --terms FILE"
     return of_type(content, REGISTRY, "term", more)
+
+
+GROUP = "crane_model.terms"
+
+
+def load_installed() -> tuple[type[Term], ...]:
+    """Register the terms of every installed package with an entry point of `GROUP`."""
+    return load_entry_points(GROUP, REGISTRY, "a term")
+
+
+def load_terms(path: Path | str) -> tuple[type[Term], ...]:
+    """Register the terms that a Python file defines, for model files, and as candidates.
+
+    The file is imported under its name, and its folder stays on the path, so that other processes
+    import it, too. `ConfigurationError` if it cannot be, defines none, or takes a type that exists.
+    """
+    path = Path(path).resolve()
+    if path.suffix != ".py" or not path.is_file():
+        raise ConfigurationError(f"{path}: no such Python file (.py); check the path")
+    before = dict(REGISTRY)
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    try:
+        module = import_module(path.stem)
+    except Exception as error:  # whatever stands in the file
+        raise ConfigurationError(f"{path}: {type(error).__name__}: {error}") from error
+    if module.__file__ is None or Path(module.__file__).resolve() != path:
+        raise ConfigurationError(
+            f"{path}: '{path.stem}' is also the name of {module.__file__ or 'a module of Python'}; "
+            "rename the file"
+        )
+    taken = [name for name, term in before.items() if REGISTRY[name] is not term]
+    REGISTRY.update(before)
+    if taken:
+        raise ConfigurationError(
+            f"{path}: there is a term of type '{taken[0]}' already; choose another type"
+        )
+    terms = tuple(term for term in REGISTRY.values() if term.__module__ == path.stem)
+    if not terms:
+        raise ConfigurationError(
+            f"{path}: defines no term; derive a class from crane_model.terms.JointTerm"
+        )
+    return terms
+
+
+def candidates(setting: Setting) -> list[type[Term]]:
+    """Terms with an `effect` that a model of this setting can hold, in the order of their types."""
+    return [cls for cls in _sorted() if cls.effect is not None and _held(cls, setting)]
+
+
+def nuisances(setting: Setting) -> list[type[Term]]:
+    """Terms that stand for errors of the data and that a model of this setting can hold."""
+    return [cls for cls in _sorted() if cls.nuisance and _held(cls, setting)]
+
+
+def unlisted_signatures(setting: Setting, joint: str) -> list[Term]:
+    """On a joint, the signatures that no effect has."""
+    return [
+        typical(cls, joint)
+        for cls in _sorted()
+        if cls.unlisted_signature and joint in joints_of(cls, setting)
+    ]
+
+
+def joints_of(cls: type[Term], setting: Setting) -> tuple[str, ...]:
+    """The joints on which the term can act; empty for a term of the whole machine."""
+    return tuple(
+        joint
+        for joint in cls.places(setting)
+        if joint is not None and _accepted(cls, setting, joint)
+    )
+
+
+def typical(cls: type[Term], joint: str | None = None) -> Term:
+    """The term with each shape parameter in the middle of its range, on `joint` if it has one.
+
+    Constants that a model must give are those of their examples.
+    """
+    given = {name: field.examples[0] for name, field in cls.model_fields.items() if field.examples}
+    shapes: dict[str, Any] = {
+        field: float(shape.grid[shape.points // 2]) for field, shape in cls.shapes.items()
+    }
+    return cls(**given, **shapes, **({} if joint is None else {"joint": joint}))
+
+
+def _sorted() -> list[type[Term]]:
+    return [REGISTRY[name] for name in sorted(REGISTRY)]
+
+
+def _held(cls: type[Term], setting: Setting) -> bool:
+    return any(_accepted(cls, setting, joint) for joint in cls.places(setting))
+
+
+def _accepted(cls: type[Term], setting: Setting, joint: str | None) -> bool:
+    try:
+        typical(cls, joint).parameters(setting)
+    except ConfigurationError:
+        return False
+    return True

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import yaml
@@ -25,7 +24,10 @@ from rosbags.typesys.store import Typestore
 from crane_bags.types import typestore
 from crane_model.errors import DataError
 
-# Message definitions as bags carry them, of every interface package that is installed.
+METADATA_VERSION = 9
+NEVER_NS = 2**63 - 1  # start of a bag without messages
+
+RECORD_BYTES = 31 + 16  # bytes that mcap adds to a message: its record, and its place in the index
 
 
 @dataclass(frozen=True)
@@ -108,12 +110,6 @@ def _absent(msgtype: str) -> DataError:
     )
 
 
-# metadata.yaml of a bag folder, version 9, as rosbag2 and rosbags read it.
-
-VERSION = 9
-NEVER = 2**63 - 1  # start of a bag without messages
-
-
 @dataclass(frozen=True)
 class RecordedTopic:
     """A topic as a bag states it; `offered_qos` are the profiles of its publishers."""
@@ -130,7 +126,7 @@ class FileSummary:
     """What one storage file holds."""
 
     name: str
-    start: int = NEVER  # ns, log time
+    start: int = NEVER_NS  # ns, log time
     end: int = 0  # ns
     count: int = 0
 
@@ -156,7 +152,7 @@ def metadata(
     start = min(file.start for file in files)
     end = max(file.end for file in files)
     return {
-        "version": VERSION,
+        "version": METADATA_VERSION,
         "storage_identifier": "mcap",
         "duration": _duration(start, end),
         "starting_time": _time(start),
@@ -202,9 +198,6 @@ def _time(nanoseconds: int) -> dict[str, int]:
 
 def _duration(start: int, end: int) -> dict[str, int]:
     return {"nanoseconds": max(0, end - start)}
-
-
-RECORD = 31 + 16  # bytes that mcap adds to a message: its record, and its place in the index
 
 
 @dataclass(frozen=True)
@@ -261,12 +254,10 @@ class RecordedBag:
         self.counts[topic] += 1
 
     def flush(self) -> None:
-        """Hand everything to the operating system: it survives the end of this process."""
         with self._space():
             self._files[-1].flush()
 
     def begin_file(self) -> None:
-        """End the current file, if any, and go on in the next one."""
         with self._space():
             if self._files:
                 self._end_file()
@@ -275,7 +266,6 @@ class RecordedBag:
                 self._files[-1].add(topic)
 
     def close(self) -> None:
-        """Write the index of the last file and the metadata."""
         with self._space():
             self._end_file()
             temporary = self.path / "metadata.yaml.tmp"
@@ -286,8 +276,8 @@ class RecordedBag:
 
     def _end_file(self) -> None:
         last = self._files[-1]
-        own = metadata([last.summary], self.topics, last.counts, self.remarks)
-        last.close(yaml.safe_dump(own, sort_keys=False))
+        file_metadata = metadata([last.summary], self.topics, last.counts, self.remarks)
+        last.close(yaml.safe_dump(file_metadata, sort_keys=False))
 
     @contextmanager
     def _space(self) -> Iterator[None]:
@@ -296,19 +286,14 @@ class RecordedBag:
         except OSError as error:
             self._failed = True
             raise DataError(
-                f"{self.path}: cannot write: {error.strerror}; make room, then mend the bag: "
+                f"{self.path}: cannot write: {error.strerror}; make room, then repair the bag: "
                 f"ros2 run crane_nodes recover {self.path} --out {self.path}_recovered"
             ) from error
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if not self._failed:  # else its end is missing, and an index would hide that
             self.close()
 
@@ -357,7 +342,7 @@ class _File:
         self._writer.add_message(
             self._channels[topic], log_time, data, publish_time, sequence & 0xFFFFFFFF
         )
-        self._size += len(data) + RECORD
+        self._size += len(data) + RECORD_BYTES
         self.counts[topic] += 1
         self.summary.add(log_time)
 

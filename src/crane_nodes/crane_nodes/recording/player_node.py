@@ -1,11 +1,17 @@
-"""The player as a node: publishes the messages of a bag when they are due, and the bag's time."""
+"""`ros2 run crane_nodes player`: a bag onto the topics it was recorded from.
 
+The node publishes the messages of the bag when they are due, and the time of the bag.
+"""
+
+import argparse
+import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
+import numpy as np
 from rclpy.duration import Duration
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
@@ -16,19 +22,34 @@ from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 
 from crane_bags.clocks import NANOSECONDS
-from crane_bags.storage import announced, messages
+from crane_bags.storage import announced, messages, open_bag
 from crane_bags.types import VALVE_COMMAND
+from crane_model.cli import above, command_line, run
 from crane_model.errors import DataError
+from crane_model.progress_bar import BAR, progress_bar
 from crane_nodes.executor import KeptExecutor
-from crane_nodes.managed import Stop, say_ready
-from crane_nodes.names import NameLooks, full_name, publishers
+from crane_nodes.managed import (
+    NameLooks,
+    Stop,
+    full_name,
+    own_arguments,
+    publishers,
+    ros,
+    say_ready,
+)
 from crane_nodes.recording.bag import installed_definition, message_class
 from crane_nodes.recording.ros import Service, offer, profile
 
-# What of a bag is played, and when.
+COMMAND_NAME = VALVE_COMMAND.name.rpartition("/")[2]
+CLOCK_NAME = "clock"  # of the namespace
 
-COMMAND = VALVE_COMMAND.name.rpartition("/")[2]
-CLOCK = "clock"  # of the namespace
+TICK_PERIOD_NS = 10_000_000  # ns between two messages on /clock
+LOOK_PERIOD_NS = NANOSECONDS  # ns between two looks for other publishers
+LAST_MESSAGES_TIMEOUT_S = 10.0  # that subscribers have to acknowledge what was sent last
+# Messages, 25 s at 200 Hz, kept for subscribers that fall behind or are just found
+HISTORY_MESSAGES = 5000
+
+SECONDS_BAR = "{desc}: {n:.1f} of {total:.1f} s" + BAR
 
 
 @dataclass(frozen=True)
@@ -62,20 +83,20 @@ def select(
     command, in whatever namespace, unless that is allowed. `DataError` if a topic is not in the
     bag or nothing is left to play.
     """
-    recorded = sorted({one.topic for one in reader.connections})
+    recorded = sorted({connection.topic for connection in reader.connections})
     if absent := [name for name in topics if name not in recorded]:
         raise DataError(
             f"{path}: no topic {', '.join(absent)}; the bag holds {', '.join(recorded)}"
         )
     played, left_out = [], {}
     for name in sorted(topics) or recorded:
-        found = [one for one in reader.connections if one.topic == name]
+        found = [connection for connection in reader.connections if connection.topic == name]
         onto, msgtype = resolve(name), found[0].msgtype
         if reason := _obstacle(reader, found, onto, allow_valve_command):
             left_out[name] = reason
         else:
-            extensions = [cast(ConnectionExtRosbag2, one.ext) for one in found]
-            profiles = [qos for one in extensions for qos in one.offered_qos_profiles]
+            extensions = [cast(ConnectionExtRosbag2, connection.ext) for connection in found]
+            profiles = [qos for extension in extensions for qos in extension.offered_qos_profiles]
             played.append(PlayedTopic(name, onto, msgtype, offer(profiles)))
     if not played:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
@@ -86,11 +107,11 @@ def select(
 def _obstacle(reader: Reader, found: Sequence[Connection], onto: str, allow: bool) -> str:
     """Why a topic is not played; empty if it is."""
     name, msgtype = found[0].topic, found[0].msgtype
-    if onto.rpartition("/")[2] == COMMAND and not allow:
+    if onto.rpartition("/")[2] == COMMAND_NAME and not allow:
         return "would move the crane; --allow-valve-command plays it"
-    if onto.rpartition("/")[2] == CLOCK:
+    if onto.rpartition("/")[2] == CLOCK_NAME:
         return "the time of the bag is played there"
-    if len({one.msgtype for one in found}) > 1:
+    if len({connection.msgtype for connection in found}) > 1:
         return "has messages of more than one type"
     try:
         message_class(msgtype)
@@ -129,18 +150,10 @@ class PlaybackPace:
         self._bag_start, self._steady_start, self._rate = bag_start, steady_start, rate
 
     def steady(self, bag_time: int) -> int:
-        """When a message of this time is due."""
         return self._steady_start + round((bag_time - self._bag_start) / self._rate)
 
     def bag(self, steady_time: int) -> int:
-        """The time of the bag at this moment."""
         return self._bag_start + round((steady_time - self._steady_start) * self._rate)
-
-
-TICK_PERIOD_NS = 10_000_000  # ns between two messages on /clock
-LOOK_PERIOD_NS = NANOSECONDS  # ns between two looks for other publishers
-LAST_MESSAGES_TIMEOUT_S = 10.0  # that subscribers have to acknowledge what was sent last
-HISTORY = 5000  # messages, 25 s at 200 Hz, kept for subscribers that fall behind or are just found
 
 
 class Player(Node):
@@ -151,14 +164,13 @@ class Player(Node):
         self._stop = stop
         self._worker = KeptExecutor()
         self._worker.add_node(self)
-        self._time = self.create_publisher(Clock, CLOCK, QoSProfile(depth=10))
+        self._time = self.create_publisher(Clock, CLOCK_NAME, QoSProfile(depth=10))
         self._publishers_of: dict[str, Publisher] = {}  # recorded topic -> publisher
         self._contested: set[str] = set()
         self._looks = NameLooks()
         self._next_tick = self._next_look = 0
 
     def expanded(self, topic: str) -> str:
-        """A topic of the command line in full; a relative name is one of the node's namespace."""
         return expand_topic_name(topic, self.get_name(), self.get_namespace())
 
     def offer(self, topics: Sequence[PlayedTopic]) -> None:
@@ -171,7 +183,7 @@ class Player(Node):
         for topic in topics:
             qos = profile(topic.service)
             if not topic.service.latched:
-                qos.depth = max(qos.depth, HISTORY)
+                qos.depth = max(qos.depth, HISTORY_MESSAGES)
             self._publishers_of[topic.recorded] = self.create_publisher(
                 message_class(topic.msgtype), topic.recorded, qos
             )
@@ -180,7 +192,7 @@ class Player(Node):
     def wait_for_subscribers(self, topics: Collection[str]) -> None:
         """Wait until each of `topics` is subscribed to; `DataError` if one is not played."""
         played = (self._time, *self._publishers_of.values())
-        publishers = {one.topic_name: one for one in played}
+        publishers = {publisher.topic_name: publisher for publisher in played}
         names = [self.resolve_topic_name(topic) for topic in topics]
         if others := [name for name in names if name not in publishers]:
             raise DataError(
@@ -246,8 +258,102 @@ class Player(Node):
                 if not self._looks.suffice(name, nodes):
                     continue
                 self._contested.add(name)
-                others = ", ".join(one for one in nodes if one != full_name(self))
+                others = ", ".join(node for node in nodes if node != full_name(self))
                 self.get_logger().warning(
                     f"{name} is also published by {others}: "
                     "subscribers get both; stop one of them, or leave the topic out by --topics"
                 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlayRequest:
+    """What the command line asks for."""
+
+    bag: Path
+    rate: float  # times as fast
+    topics: Sequence[str]  # empty: all
+    loop: bool
+    wait_for: Sequence[str]  # topics that need a subscriber first
+    allow_valve_command: bool
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Play a bag to its end."""
+    argv = sys.argv[1:] if argv is None else argv
+    request = PlayRequest(**vars(_parser().parse_args(own_arguments(argv))))
+    return run(lambda: _play(argv, request))
+
+
+def _play(argv: Sequence[str], request: PlayRequest) -> None:
+    bag = request.bag
+    with ros(argv) as stop, open_bag(bag) as reader:
+        player = Player(stop)
+        recorded = {connection.topic for connection in reader.connections}
+        topics = [
+            topic if topic in recorded else player.expanded(topic) for topic in request.topics
+        ]
+        selection = select(
+            bag, reader, topics, request.allow_valve_command, player.resolve_topic_name
+        )
+        for name, reason in selection.left_out.items():
+            print(f"left out {name}: {reason}", flush=True)
+        player.offer(selection.played)
+        for topic in selection.played:
+            print(f"playing {topic.name} ({topic.msgtype}, {topic.service})", flush=True)
+        player.wait_for_subscribers(request.wait_for)
+        _pass(player, bag, reader, selection, request.rate)
+        while request.loop and not stop.requested:
+            _pass(player, bag, reader, selection, request.rate)
+        player.finish()
+        if stop.requested:
+            raise KeyboardInterrupt
+
+
+def _pass(player: Player, bag: Path, reader: Reader, selection: Selection, rate: float) -> None:
+    delays: list[int] = []
+    seconds = reader.duration / NANOSECONDS
+    with progress_bar(f"playing {bag.name}", seconds, form=SECONDS_BAR) as progress:
+
+        def played(time: int, delay: int) -> None:
+            delays.append(delay)
+            progress.update((time - reader.start_time) / NANOSECONDS - progress.n)
+
+        player.play(schedule(bag, reader, selection), rate, played)
+    if delays:
+        median, most, largest = np.percentile(delays, [50, 99, 100]) * 1e-6
+        print(
+            f"{bag}: {len(delays)} messages played, behind by {median:.1f} ms (median), "
+            f"{most:.1f} ms (99 %), {largest:.1f} ms (largest)",
+            flush=True,
+        )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_line(
+        prog="player",
+        description="Plays a bag of either storage onto its topics, in its own rhythm, with the "
+        "time of the bag on /clock. Header stamps are as recorded.",
+        epilog="ROS arguments follow --ros-args. Valve commands can be looked at under another "
+        "name: --ros-args -r /valve_command:=/recorded_command",
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one file of it")
+    parser.add_argument(
+        "--rate", type=above(0.0), default=1.0, metavar="R", help="times as fast (default: 1)"
+    )
+    parser.add_argument(
+        "--topics", nargs="+", default=(), metavar="TOPIC", help="play only these (default: all)"
+    )
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument(
+        "--wait-for",
+        nargs="+",
+        default=(),
+        metavar="TOPIC",
+        help="begin when each of these has a subscriber",
+    )
+    parser.add_argument(
+        "--allow-valve-command",
+        action="store_true",
+        help="also play onto /valve_command: MOVES A CRANE whose driver listens there",
+    )
+    return parser

@@ -1,10 +1,17 @@
-"""The recorder as a node: finds publishers, takes what they send, and says how it goes."""
+"""`ros2 run crane_nodes recorder`: topics into a bag, until Ctrl-C.
 
+The node finds publishers, records their messages, and reports on /diagnostics.
+"""
+
+import argparse
+import math
+import sys
 import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -18,31 +25,29 @@ from rosgraph_msgs.msg import Clock
 
 from crane_bags.clocks import NANOSECONDS
 from crane_bags.types import TOPICS, typestore
+from crane_model.cli import above, command_line, run
 from crane_model.errors import DataError
-from crane_nodes.managed import say_ready
-from crane_nodes.names import NameLooks, full_name, node_names
+from crane_nodes.executor import KeptExecutor, Polled
+from crane_nodes.managed import NameLooks, full_name, node_names, own_arguments, ros, say_ready
 from crane_nodes.node_time import CLOCK_TOPIC, NodeTime, Pacing, nanoseconds
-from crane_nodes.polled import Polled
 from crane_nodes.recording.bag import (
     RecordedBag,
     RecordedTopic,
+    Split,
     installed_definition,
     message_class,
 )
-from crane_nodes.recording.ros import DEPTH, Service, offered, profile, request
-from crane_nodes.recording.statistics import (
-    Arrivals,
-    Rhythm,
-    Silence,
-    Span,
-    shown,
-)
+from crane_nodes.recording.ros import WAITING_MESSAGES, Service, offered, profile, request
+from crane_nodes.recording.statistics import Arrivals, Rhythm, Silence, Span, shown, table
 
 VISIT_PERIOD_S = 0.05  # between two visits to the queues of the subscriptions
 FLUSH_PERIOD_S = 0.5  # what is younger is lost when the process is killed
 REPORT_PERIOD_S = 1.0
-AHEAD = 1.0  # s, by which simulated time may be ahead of what was recorded
-TICKS = QoSProfile(depth=2000)  # messages of /clock
+AHEAD_S = 1.0  # s, by which simulated time may be ahead of what was recorded
+CLOCK_QOS = QoSProfile(depth=2000)  # messages of /clock
+
+NAMES = tuple(topic.relative for topic in TOPICS)
+MEGABYTE_BYTES = 1_000_000
 
 
 class Early(NamedTuple):
@@ -77,8 +82,8 @@ class Recorder(Node):
         self._looks = NameLooks()
         self._bag = bag
         self._time = NodeTime(self)
-        self._pacing = Pacing(self, self._time, AHEAD)
-        self._ticks = Polled(self, Clock, CLOCK_TOPIC, TICKS) if self._time.simulated else None
+        self._pacing = Pacing(self, self._time, AHEAD_S)
+        self._ticks = Polled(self, Clock, CLOCK_TOPIC, CLOCK_QOS) if self._time.simulated else None
         self._early = self._expected()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = SteadyClock(clock_type=ClockType.STEADY_TIME)
@@ -91,18 +96,16 @@ class Recorder(Node):
         say_ready(self)
 
     def visit(self) -> None:
-        """Look for new publishers, and write what has arrived since the last call."""
         self._search()
         self._take()
 
     def _take(self) -> None:
-        """In the order of reception."""
         arrived: list[tuple[int, bytes, dict[str, Any], Recorded]] = []
         for recorded in self.recorded.values():
             for data, info in recorded.messages.take():
                 # other middleware than Fast DDS may not stamp
                 arrived.append((info["received_timestamp"] or time.time_ns(), data, info, recorded))
-        arrived.sort(key=lambda one: one[0])
+        arrived.sort(key=lambda message: message[0])
         ticks = deque(self._ticks.take()) if self._ticks else deque()
         for received, data, info, recorded in arrived:
             while ticks and ticks[0][1]["received_timestamp"] <= received:
@@ -125,7 +128,7 @@ class Recorder(Node):
         early = {}
         for topic in TOPICS:
             if (name := self.resolve_topic_name(topic.relative)) in self.topics:
-                service = Service(reliable=True, latched=topic.latched, depth=DEPTH)
+                service = Service(reliable=True, latched=topic.latched, depth=WAITING_MESSAGES)
                 messages = self._subscribe(name, topic.msgtype, service)
                 early[name] = Early(topic.msgtype, service, messages)
         return early
@@ -134,7 +137,6 @@ class Recorder(Node):
         return Polled(self, message_class(msgtype), name, profile(service), raw=True)
 
     def _search(self) -> None:
-        """Record the topics that have got publishers."""
         for name in self.topics:
             if name in self.recorded or name in self.problems:
                 continue
@@ -146,14 +148,14 @@ class Recorder(Node):
 
     def _record(self, name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
         msgtype = publishers[0].topic_type
-        same = [one for one in publishers if one.topic_type == msgtype]
+        same = [endpoint for endpoint in publishers if endpoint.topic_type == msgtype]
         definition = installed_definition(msgtype)
-        announced = {str(one.topic_type_hash) for one in same} - {str(TypeHash())}
+        announced = {str(endpoint.topic_type_hash) for endpoint in same} - {str(TypeHash())}
         if others := announced - {definition.type_hash}:
             self._problem(name, f"published with another definition of {msgtype} than installed")
             definition = replace(definition, type_hash=min(others))
         topic = RecordedTopic(
-            name, msgtype, definition, tuple(offered(one.qos_profile) for one in same)
+            name, msgtype, definition, tuple(offered(endpoint.qos_profile) for endpoint in same)
         )
         service = request(topic.offered_qos)
         early = self._early.pop(name, None)
@@ -174,11 +176,17 @@ class Recorder(Node):
         self._take()  # before it is judged what has not come
         for name, recorded in self.recorded.items():
             publishers = self.get_publishers_info_by_topic(name)
-            same = [one for one in publishers if one.topic_type == recorded.topic.msgtype]
+            same = [
+                endpoint for endpoint in publishers if endpoint.topic_type == recorded.topic.msgtype
+            ]
             recorded.arrivals.published_by(len(same))
             recorded.arrivals.measure(time.monotonic())
-            heard = [one for one in same if recorded.service.hears(offered(one.qos_profile))]
-            unheard = node_names(one for one in publishers if one not in heard)
+            heard = [
+                endpoint
+                for endpoint in same
+                if recorded.service.hears(offered(endpoint.qos_profile))
+            ]
+            unheard = node_names(endpoint for endpoint in publishers if endpoint not in heard)
             if unheard and self._looks.suffice(name, unheard):
                 self._problem(
                     name,
@@ -211,7 +219,7 @@ class Recorder(Node):
     def _status(self) -> DiagnosticStatus:
         arrivals = {name: recorded.arrivals for name, recorded in self.recorded.items()}
         status = DiagnosticStatus(name=f"{full_name(self)}: {self._bag.path.name}")
-        lost = sum(one.lost or 0 for one in arrivals.values())
+        lost = sum(topic_arrivals.lost or 0 for topic_arrivals in arrivals.values())
         if self.problems:
             status.level = DiagnosticStatus.ERROR
             status.message = "; ".join(f"{name} {text}" for name, text in self.problems.items())
@@ -221,11 +229,11 @@ class Recorder(Node):
         else:
             status.level = DiagnosticStatus.OK
             status.message = f"recording {len(arrivals)} of {len(self.topics)} topics"
-        for name, one in arrivals.items():
+        for name, arrivals_of_topic in arrivals.items():
             for quantity, value in (
-                ("rate [Hz]", f"{one.rate:.1f}"),
-                ("messages", str(one.count)),
-                ("lost", shown(one.lost)),
+                ("rate [Hz]", f"{arrivals_of_topic.rate:.1f}"),
+                ("messages", str(arrivals_of_topic.count)),
+                ("lost", shown(arrivals_of_topic.lost)),
             ):
                 status.values.append(KeyValue(key=f"{name} {quantity}", value=value))
         for name, text in self.silences().items():
@@ -234,17 +242,17 @@ class Recorder(Node):
 
     def _silent(self) -> list[str]:
         return [
-            f"{name} silent since {self._utc(one.silence.since)}, though it has a publisher"
-            for name, one in self.recorded.items()
-            if one.silence.since is not None
+            f"{name} silent since {self._utc(recorded.silence.since)}, though it has a publisher"
+            for name, recorded in self.recorded.items()
+            if recorded.silence.since is not None
         ]
 
     def _told(self, spans: Sequence[Span]) -> str:
-        longest = max(spans, key=lambda one: one.seconds)
+        longest = max(spans, key=lambda span: span.seconds)
         text = f"{longest.seconds:.1f} s from {self._utc(longest.begin)} on"
         if len(spans) == 1:
             return text
-        total = sum(one.seconds for one in spans)
+        total = sum(span.seconds for span in spans)
         return f"{total:.1f} s in {len(spans)} silences, the longest {text}"
 
     def _utc(self, then: float) -> str:
@@ -254,7 +262,6 @@ class Recorder(Node):
         return at.strftime("%Y-%m-%dT%H:%M:%SZ")
 
     def _problem(self, name: str, text: str) -> None:
-        """Say once what is wrong with a topic."""
         if name not in self.problems:
             self.problems[name] = text
             self.get_logger().warning(f"{name} {text}")
@@ -263,7 +270,77 @@ class Recorder(Node):
 def _rhythm(name: str, service: Service) -> Rhythm:
     """What is expected of a topic; one of the suite is known in every namespace."""
     base = name.rpartition("/")[2]
-    known = [one for one in TOPICS if one.name == f"/{base}"]
+    known = [topic for topic in TOPICS if topic.name == f"/{base}"]
     if known:
         return Rhythm.CONTINUOUS if known[0].continuous else Rhythm.ANY
     return Rhythm.ANY if service.latched else Rhythm.UNKNOWN
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Record until SIGINT, SIGTERM or SIGHUP."""
+    argv = sys.argv[1:] if argv is None else argv
+    options = _parser().parse_args(own_arguments(argv))
+    split = Split(options.split_size * MEGABYTE_BYTES, options.split_seconds)
+    return run(lambda: _record(argv, options.out, options.topics, split))
+
+
+def _record(argv: Sequence[str], out: Path, topics: Sequence[str], split: Split) -> None:
+    with ros(argv) as stop:
+        with RecordedBag(out, split) as bag:
+            recorder = Recorder(bag, topics)
+            executor = KeptExecutor()
+            executor.add_node(recorder)
+            while not stop.requested:
+                executor.spin_once(timeout_sec=0.1)
+            recorder.visit()
+            silences = recorder.silences()
+            bag.remarks |= {f"silent {name}": text for name, text in silences.items()}
+        print(_summary(bag, recorder), flush=True)
+
+
+def _summary(bag: RecordedBag, recorder: Recorder) -> str:
+    rows = []
+    for name in recorder.topics:
+        if name in recorder.recorded:
+            recorded = recorder.recorded[name]
+            arrivals = recorded.arrivals
+            rows.append((name, recorded.topic.msgtype, str(arrivals.count), shown(arrivals.lost)))
+        else:
+            rows.append(
+                (name, "not recorded" if name in recorder.problems else "no publisher", "0", "")
+            )
+    lines = [
+        table(("topic", "type", "messages", "lost"), rows),
+        *(f"{topic}: {text}, though it had a publisher" for topic, text in bag.remarks.items()),
+        f"{bag.path}: {sum(bag.counts)} messages",
+    ]
+    return "\n".join(lines)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_line(
+        prog="recorder",
+        description="Records topics to an mcap bag until Ctrl-C, as their publishers come.",
+        epilog="ROS arguments follow --ros-args, for example -p use_sim_time:=true for a bag of "
+        "simulated time. A bag whose recorder was killed is repaired by: "
+        "ros2 run crane_nodes recover BAG --out NEW",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="a new folder")
+    parser.add_argument(
+        "--topics", nargs="+", default=NAMES, metavar="TOPIC", help=f"default: {' '.join(NAMES)}"
+    )
+    parser.add_argument(
+        "--split-size",
+        type=above(0.0),
+        default=math.inf,
+        metavar="MB",
+        help="begin a new file when one has reached this size (10^6 bytes)",
+    )
+    parser.add_argument(
+        "--split-seconds",
+        type=above(0.0),
+        default=math.inf,
+        metavar="S",
+        help="begin a new file after this time",
+    )
+    return parser

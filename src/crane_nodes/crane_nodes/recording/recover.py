@@ -34,8 +34,6 @@ from crane_nodes.recording.bag import (
 )
 from crane_nodes.recording.statistics import table
 
-# What can be read of mcap files that were never closed: every whole record up to the damage.
-
 HEAD = struct.Struct("<BQ")  # of a record: kind, and length of what follows
 
 Salvaged = tuple[RecordedTopic, Message]
@@ -83,7 +81,6 @@ class Salvage:
             self.notes.append(f"{self.path.name}: record at byte {begin} left out: {error}")
 
     def _messages(self, data: bytes) -> Iterator[Salvaged]:
-        """Messages of the content of a chunk."""
         for kind, content in _records(BytesIO(data), len(data)):
             yield from self._record(kind, content)
 
@@ -137,9 +134,6 @@ def _topic(channel: Channel, schema: Schema) -> RecordedTopic:
     )
 
 
-# What a sqlite3 file of a bag holds together with its write-ahead log, closed or not.
-
-
 class DatabaseSalvage:
     """Messages of one .db3 file in order of log time, as `Salvage` gives those of an mcap file.
 
@@ -150,13 +144,13 @@ class DatabaseSalvage:
     def __init__(self, path: Path):
         self.path = path
         self._logs = unfinished(path)
-        self.size = sum(one.stat().st_size for one in (path, *self._logs))
+        self.size = sum(file.stat().st_size for file in (path, *self._logs))
         self.notes = [f"{path.name} was not closed: {log.name} read too" for log in self._logs]
 
     def __iter__(self) -> Iterator[tuple[RecordedTopic, Message]]:
         with TemporaryDirectory() as folder:
-            for one in (self.path, *self._logs):
-                shutil.copy(one, folder)
+            for file in (self.path, *self._logs):
+                shutil.copy(file, folder)
             copy = Path(folder) / self.path.name
             try:
                 with closing(sqlite3.connect(copy)) as database:
@@ -170,7 +164,7 @@ class DatabaseSalvage:
 
 
 def _messages(reader: Sqlite3Reader) -> Iterator[tuple[RecordedTopic, Message]]:
-    topics = {one.id: _sqlite_topic(one) for one in reader.connections}
+    topics = {connection.id: _sqlite_topic(connection) for connection in reader.connections}
     for number, (source, log_time, data) in enumerate(reader.messages(reader.connections)):
         yield topics[source.id], Message(source.id, log_time, data, log_time, number)
 
@@ -200,7 +194,7 @@ def _definition(source: Connection) -> Definition:
 def main(argv: Sequence[str] | None = None) -> int:
     """Write what can be read of a damaged bag as a new one."""
     parser = command_line(
-        description="Makes a readable bag out of one that was not closed; that one is not touched.",
+        description="Makes a readable bag out of one that was not closed; that one is not touched."
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one file of it")
     parser.add_argument("--out", type=Path, required=True, metavar="NEW", help="a new folder")
@@ -276,18 +270,18 @@ def _files(damaged: Path) -> list[Path]:
 
 
 def _report(out: Path, saved: dict[RecordedTopic, _Saved], notes: list[str]) -> str:
-    begin = min(one.first for one in saved.values())
+    begin = min(topic_saved.first for topic_saved in saved.values())
     rows = [
         (
             topic.name,
             topic.msgtype,
-            str(one.count),
-            f"{(one.first - begin) * 1e-9:.3f}",
-            f"{(one.last - begin) * 1e-9:.3f}",
+            str(topic_saved.count),
+            f"{(topic_saved.first - begin) * 1e-9:.3f}",
+            f"{(topic_saved.last - begin) * 1e-9:.3f}",
         )
-        for topic, one in saved.items()
+        for topic, topic_saved in saved.items()
     ]
-    total = sum(one.count for one in saved.values())
+    total = sum(topic_saved.count for topic_saved in saved.values())
     lines = [
         table(("topic", "type", "messages", "from [s]", "to [s]"), rows),
         *notes,

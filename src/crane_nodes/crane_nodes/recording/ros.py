@@ -15,9 +15,7 @@ from rosbags.interfaces import (
 
 from crane_bags.clocks import NANOSECONDS
 
-# Quality of service: what to ask of publishers, and what to offer in their place.
-
-DEPTH = 1000  # messages that may wait: 5 s at 200 Hz
+WAITING_MESSAGES = 1000  # messages that may wait: 5 s at 200 Hz
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class Service:
         return ", ".join(words)
 
     def hears(self, offered: Qos) -> bool:
-        """Whether a subscription that asks for this receives from such a publisher."""
+        """Return whether a subscription that asks for this receives from such a publisher."""
         reliable = offered.reliability != QosReliability.BEST_EFFORT
         return (reliable or not self.reliable) and (_latched(offered) or not self.latched)
 
@@ -41,9 +39,9 @@ class Service:
 def request(offered: Sequence[Qos]) -> Service:
     """The most that every one of the publishers fulfils, as `ros2 bag record` asks for it."""
     return Service(
-        reliable=all(one.reliability != QosReliability.BEST_EFFORT for one in offered),
-        latched=all(_latched(one) for one in offered),
-        depth=DEPTH,
+        reliable=all(profile.reliability != QosReliability.BEST_EFFORT for profile in offered),
+        latched=all(_latched(profile) for profile in offered),
+        depth=WAITING_MESSAGES,
     )
 
 
@@ -53,15 +51,12 @@ def offer(recorded: Sequence[Qos]) -> Service:
     A latched topic keeps as many messages as its publishers kept together; discovery does not
     tell the depth of a history (it is 0 in recordings), then one each.
     """
-    latched = [max(one.depth, 1) for one in recorded if _latched(one)]
-    return Service(reliable=True, latched=bool(latched), depth=sum(latched) or DEPTH)
+    latched = [max(profile.depth, 1) for profile in recorded if _latched(profile)]
+    return Service(reliable=True, latched=bool(latched), depth=sum(latched) or WAITING_MESSAGES)
 
 
 def _latched(offered: Qos) -> bool:
     return offered.durability == QosDurability.TRANSIENT_LOCAL
-
-
-# Between rclpy and the parts of the recorder and the player that know nothing of it.
 
 
 def profile(service: Service) -> QoSProfile:

@@ -1,8 +1,13 @@
-"""What arrived on each topic, how fast, what was lost on the way, and when a topic is silent."""
+"""Statistics of recorded topics: counts, rates, losses and silences."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
+
+SHORTEST_SILENCE_S = 3.0
+SILENCE_PAUSES = 5.0  # times
+SEEN_S = 10.0
+SEEN_PAUSES = 10.0  # times
 
 
 class Arrivals:
@@ -24,7 +29,6 @@ class Arrivals:
         self.published_by(publishers)
 
     def arrived(self, sequence: int | None) -> None:
-        """Count a message with the sequence number of its publisher, if the middleware has one."""
         self.count += 1
         if sequence is None:
             self.lost = None
@@ -35,7 +39,6 @@ class Arrivals:
         self._next = sequence + 1  # a publisher that was started again begins at 1
 
     def published_by(self, publishers: int) -> None:
-        """State how many publishers there are now."""
         if publishers > 1:
             self.lost = None
         if publishers != self._publishers:
@@ -67,20 +70,6 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     )
 
 
-# When a topic that has a publisher is silent: by its kind, or by its rhythm so far.
-#
-# A continuous topic of the suite is silent after `SHORTEST_SILENCE_S` without a message, be it that
-# none came yet. Of a topic that the suite does not know the rhythm has to be seen first: it is
-# silent after `SILENCE_PAUSES` times its longest pause, once it has come for `SEEN_S` and for
-# `SEEN_PAUSES` times that pause. Latched topics, and those of the suite that pause, are silent as
-# they please.
-
-SHORTEST_SILENCE_S = 3.0
-SILENCE_PAUSES = 5.0  # times
-SEEN_S = 10.0
-SEEN_PAUSES = 10.0  # times
-
-
 class Rhythm(Enum):
     """What is expected of a topic."""
 
@@ -98,15 +87,19 @@ class Span:
 
     @property
     def seconds(self) -> float:
-        """From its begin to its end."""
         return self.end - self.begin
 
 
 class Silence:
-    """The silences of one topic.
+    """The silences of one topic that has a publisher.
 
-    since: when the present one began [s, steady clock]; None while there is none; over: those that
-    have ended, by a message or because the publisher has gone.
+    A continuous topic of the suite is silent after `SHORTEST_SILENCE_S` without a message, even if
+    none came yet. The rhythm of a topic that the suite does not know has to be seen first: it is
+    silent after `SILENCE_PAUSES` times its longest pause, once it has come for `SEEN_S` and for
+    `SEEN_PAUSES` times that pause. Latched topics, and those of the suite that pause, never are.
+
+    since: when the present silence began [s, steady clock]; None while there is none; over: those
+    that have ended, by a message or because the publisher has gone.
     """
 
     def __init__(self, rhythm: Rhythm):
@@ -119,7 +112,6 @@ class Silence:
         self._there: float | None = None  # since when there is a publisher
 
     def arrived(self, now: float) -> None:
-        """A message has come."""
         if self._first is None:
             self._first = now
         else:
@@ -140,11 +132,9 @@ class Silence:
             self.since = begin
 
     def spans(self, now: float) -> list[Span]:
-        """All of them until `now`."""
         return self.over + ([] if self.since is None else [Span(self.since, now)])
 
     def _longest(self) -> float:
-        """How long it may pause [s]."""
         if self._rhythm is Rhythm.CONTINUOUS:
             return SHORTEST_SILENCE_S
         if self._rhythm is Rhythm.UNKNOWN and self._first is not None:

@@ -1,1 +1,1 @@
-"""Which sensor is lying: residuals of an identified machine, tested while it works."""
+"""Which sensor is faulty: residuals of an identified machine, tested while it works."""

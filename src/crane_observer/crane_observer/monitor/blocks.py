@@ -10,10 +10,10 @@ Q is not known at the ends of what a chamber or its transducer can show, nor ove
 has next to no drop: a boom that its load stalls has the supply in one chamber and the tank in the
 other, and noise of the transducers alone would move it by tenths of a millimetre in a block. But if
 the piston goes there as fast as it does by another drop only, d_E from x_E = W sqrt(d_E), further
-from the d that is shown than zeros and noise are, one of them lies, and its error of d_E - d made
-x_E - W sqrt(d).
-What a sensor does wrong moves some of x_E - x_A, x_E - x_B and p_S - p_0 + droop Q_S, and leaves
-the others: see `signatures`.
+from the d that is shown than zeros and noise are, one of them is faulty, and its error of d_E - d
+made x_E - W sqrt(d).
+A faulty sensor moves some of x_E - x_A, x_E - x_B and p_S - p_0 + droop Q_S, and leaves the others:
+see `isolation`.
 """
 
 import math
@@ -25,57 +25,49 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.cylinders import cylinder_length, lever_arm
 from crane_model.errors import DataError
-from crane_model.hydraulics.stepping import TRANSITION, Circuit, chamber_volumes, roots
+from crane_model.hydraulics.simulation import circuit_of, identified
+from crane_model.hydraulics.stepping import LAMINAR_DROP_PA, Circuit, chamber_volumes, roots
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_model.whole_crane import circuit_of, identified
 from crane_observer.position.flow import (
-    DROP_A,
-    DROP_B,
-    EDGE_A,
-    EDGE_B,
-    FAINT,
-    FAINT_A,
-    FAINT_B,
-    FLOW_A,
-    FLOW_B,
-    LOST_A,
-    LOST_B,
-    NULL_A,
-    NULL_B,
-    SOON_A,
-    SOON_B,
-    SUMS,
-    WIDE_A,
-    WIDE_B,
+    FAINT_DROP,
+    FLOW_SUMS,
+    SPOOL,
     Commands,
     Spools,
     add_interval,
     spools_of,
 )
 
-# Oil that was pressed back into the supply line, and stands there until it is drawn.
-#
-# A load that comes or goes lifts the pressure of a chamber beyond that of the supply. Where the
-# valve is open to it, oil flows back; the check valve of the pump keeps it in the line, which
-# stands above p_0 by as much as it took. From then on the pump delivers nothing, and the line
-# follows no droop, until as much was drawn again. How much came back is not told by flows: a
-# chamber may be beyond what its transducer can show, and what passes an edge that hardly opens is
-# not known. So whenever the line is above p_0 while nothing is drawn, it may be as full as its
-# relief valve lets it; a transducer that shows too much is told from that by what it shows once so
-# much was drawn.
-
-FEEDING = 1e4  # Pa that the supply droops
-MOST = 1e4  # Pa s that a line holds: what is drawn in a second by which it droops by FEEDING
+BLOCK = 0.05  # s; of sensors read at 200 Hz ten samples
+SHORTEST_PERIOD = 5e-3  # s, of samples at the highest rate
+SETTLING = 1.0  # s after the first sample or a gap, until it is known where the spools stand
+LONGEST_SAMPLE_GAP = 0.1  # s, beyond which nothing is known of what was between two samples
+LARGEST_BELIEVED = 2.5e7  # Pa
+FEEDING_DROOP = 1e4  # Pa, from which on the pump feeds a joint
+LARGEST_SURPLUS = 1e4  # Pa s: what is drawn in a second by which the supply droops FEEDING_DROOP
+ZEROS_AND_NOISE = 1e5  # Pa, by which a drop between two transducers may be off
+SIDES = np.array([1.0, -1.0])  # of oil in chambers A and B
 
 
 class SupplyLine:
-    """Volumes are told by the droop that they would make in a second, Pa s: so a pump that delivers
-    more, which droops less, has the larger line. What is in it at first is not known.
+    """Oil that was pressed back into the supply line, and stands there until it is drawn.
+
+    A load that comes or goes lifts the pressure of a chamber beyond that of the supply. If the
+    valve is open to it, oil flows back; the check valve of the pump keeps it in the line, which
+    stands above p_0 by as much as it took. From then on the pump delivers nothing, and the line
+    follows no droop, until as much was drawn again. Flows do not tell how much came back: a chamber
+    may be beyond what its transducer can show, and the flow over an edge that hardly opens is not
+    known. So whenever the line is above p_0 while nothing is drawn, it may be as full as its relief
+    valve lets it; a transducer that shows too much is found by what it shows once so much was
+    drawn.
+
+    Volumes are measured by the droop that they would make in a second, Pa s: so a pump that
+    delivers more, which droops less, has the larger line. What is in it at first is not known.
     """
 
     def __init__(self) -> None:
-        self._surplus = MOST
+        self._surplus = LARGEST_SURPLUS
 
     def add(self, droop: float, above: float, span: float) -> bool:
         """Whether there may be a surplus in a block of `span` [s] in which joints let the supply
@@ -84,49 +76,34 @@ class SupplyLine:
         before = self._surplus
         if above + droop <= 0.0:  # the pump holds it
             self._surplus = 0.0
-        elif droop > FEEDING:
+        elif droop > FEEDING_DROOP:
             self._surplus = max(before - droop * span, 0.0)
         else:
-            self._surplus = MOST
+            self._surplus = LARGEST_SURPLUS
         return before > 0.0
-
-
-# What a piston tells of an open edge with next to no drop: how far off its transducers are.
-#
-# The flow over it is hardly known, but grows with the root r of the drop. So the way that the
-# piston went asks for a drop d_E, by W r(d_E), where W r(d) is what it goes by a drop of d. If that
-# is further from the drop that is shown than zeros and noise are, a transducer lies.
-
-OFF = 1e5  # Pa, by which zeros and noise of two transducers may be off
 
 
 def slopes_of_liars(
     missed: Array, wide: Array, from_supply: Flags, drop: Array
 ) -> tuple[Array, Flags]:
-    """How far pistons go for 1 Pa that a chamber shows too much, in the mean over the error by
-    which it lies [m/Pa], and where it lies over next to no `drop` [Pa]; all of one shape.
+    """How far pistons go for 1 Pa that a faulty transducer shows too much, in the mean over its
+    error [m/Pa], and where it is faulty over next to no `drop` [Pa]; all of one shape.
 
-    They went `missed` [m] further than by these drops; `wide` is W [m/Pa^0.5], 0 of an edge that
-    was shut.
+    The flow over such an edge is hardly known, but grows with the root r of the drop: the piston
+    asks for a drop d_E, by W r(d_E). They went `missed` [m] further than by these drops; `wide` is
+    W [m/Pa^0.5], 0 of an edge that was shut.
     """
     error = error_of_drop(missed, wide, drop) * np.where(from_supply, -1.0, 1.0)
-    lies = (drop < FAINT) & (np.abs(error) > OFF)
-    return np.divide(missed, error, out=np.zeros_like(missed), where=lies), lies
+    faulty = (drop < FAINT_DROP) & (np.abs(error) > ZEROS_AND_NOISE)
+    return np.divide(missed, error, out=np.zeros_like(missed), where=faulty), faulty
 
 
 def error_of_drop(missed: Array, wide: Array, drop: Array) -> Array:
     """d - d_E [Pa], NaN of an edge that was shut; see `slopes_of_liars`."""
     asked = roots(drop) + missed / np.where(wide == 0.0, np.nan, wide)
     fourth = asked**4
-    square = 0.5 * (fourth + np.sqrt(fourth**2 + 4.0 * fourth * TRANSITION**2))
+    square = 0.5 * (fourth + np.sqrt(fourth**2 + 4.0 * fourth * LAMINAR_DROP_PA**2))
     return np.asarray(drop - np.copysign(np.sqrt(square), asked))
-
-
-BLOCK = 0.05  # s; of sensors read at 200 Hz ten samples
-LEAST_APART = 5e-3  # s, of samples at the highest rate
-SETTLING = 1.0  # s after the first sample or a gap, until it is known where the spools stand
-LONGEST = 0.1  # s between two samples, beyond which nothing is known of what was between
-SHOWN = 2.5e7  # Pa, the largest pressure that is believed
 
 
 class Sample(NamedTuple):
@@ -137,6 +114,11 @@ class Sample(NamedTuple):
     chamber_a: Array  # (j,) Pa
     chamber_b: Array  # (j,) Pa
     supply: float  # Pa
+
+    def exchanged(self, crossed: Flags) -> "Sample":
+        """With the transducers of chambers A and B exchanged of joints that are `crossed` (j,)."""
+        a, b = self.chamber_a, self.chamber_b
+        return self._replace(chamber_a=np.where(crossed, b, a), chamber_b=np.where(crossed, a, b))
 
 
 class FlowBlock(NamedTuple):
@@ -158,7 +140,7 @@ class FlowBlock(NamedTuple):
     late: Array  # (j, 2) m/s, by how much they grow where the spool moves 1 s later
     null: Array  # (j, 2) m, by how much they go either way if a valve opens sooner by its stroke
     edge: Array  # (j, 2) m that the piston goes by edges which may be open, or not
-    known: Flags  # (j, 2) whether the flow is known, or that a transducer lies of it
+    known: Flags  # (j, 2) whether the flow is known, or that its transducer is faulty
     pressure: Array  # (j, 2) Pa, mean
     last: Array  # (j, 2) Pa, of the last sample
     supply: float  # Pa, mean, less what the flow that is drawn leaves of it
@@ -174,7 +156,7 @@ class FlowBlock(NamedTuple):
         """Whether the pump feeds a joint, by all that is known: else its line may stand at any
         pressure (`SupplyLine`); and a chamber that sucks oil from the tank draws less.
         """
-        fed = float(self.drawn.sum()) > FEEDING
+        fed = float(self.drawn.sum()) > FEEDING_DROOP
         return self.metered and fed and not self.surplus
 
 
@@ -195,7 +177,7 @@ class KnownFlow:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """That are watched, those of the model."""
+        """The joints of the model."""
         return self.model.joints
 
     def lengths(self, q: Array) -> Array:
@@ -216,11 +198,11 @@ class Blocks:
         self.physics = physics
         joints = len(physics.joints)
         self._commands = Commands.none(joints)
-        self._spool = np.zeros((joints, 3))
+        self._spool = np.zeros(joints, SPOOL)
         self._gathered: list[Sample] = []
         self._shown = np.zeros((2, joints))  # Pa, of the last sample
         self._crossed = np.zeros(joints, dtype=bool)  # whose transducers are exchanged
-        self._sums, self._crossed_sums = np.zeros((2, joints, SUMS))
+        self._sums, self._crossed_sums = np.zeros((2, joints), FLOW_SUMS)
         self._length: Array | None = None
         self._speed = np.full((joints, 2), np.nan)  # m/s of flow, the last that is known
         self._line = SupplyLine()
@@ -230,7 +212,7 @@ class Blocks:
         """From now on, each chamber of a joint is what the transducer of the other shows."""
         self._crossed[joint] = not self._crossed[joint]
         crossed = np.arange(len(self._crossed)) == joint
-        self._gathered = [_exchanged(one, crossed) for one in self._gathered]
+        self._gathered = [sample.exchanged(crossed) for sample in self._gathered]
         self._shown[:, joint] = self._shown[::-1, joint].copy()
 
     def command(self, stamp: float, command: Array) -> None:
@@ -245,12 +227,14 @@ class Blocks:
         """
         gathered, before = self._gathered, self._shown
         if self._crossed.any():
-            sample = _exchanged(sample, self._crossed)
+            sample = sample.exchanged(self._crossed)
         shown = np.array([sample.chamber_a, sample.chamber_b])
-        _check(sample, shown)
+        readings = shown.sum() + sample.position.sum() + sample.supply
+        if not math.isfinite(readings):
+            raise DataError(f"sample at {sample.time:.3f} s: a reading is missing")
         if gathered and sample.time <= gathered[-1].time:
             raise DataError(f"sample at {sample.time:.4f} s: out of order or twice")
-        if gathered and sample.time - gathered[-1].time > LONGEST:
+        if gathered and sample.time - gathered[-1].time > LONGEST_SAMPLE_GAP:
             gap = sample.time - gathered[-1].time
             self._gathered, self._length, self._begun = [sample], None, sample.time
             self._speed[:] = np.nan
@@ -264,7 +248,7 @@ class Blocks:
         self._shown = shown
         if self._begun is None:
             self._begun = sample.time
-        if sample.time - gathered[0].time < BLOCK - 0.5 * LEAST_APART:
+        if sample.time - gathered[0].time < BLOCK - 0.5 * SHORTEST_PERIOD:
             return None
         block = self._block(gathered)
         self._gathered = [sample]
@@ -281,59 +265,55 @@ class Blocks:
         ):
             add_interval(
                 self.physics.circuit, self.physics.spools, self._commands, moved, since,
-                last.time, sample.time, begun, ended, supply, SHOWN, sums,
+                last.time, sample.time, begun, ended, supply, LARGEST_BELIEVED, sums,
             )  # fmt: skip
 
     def _block(self, samples: list[Sample]) -> FlowBlock:
         circuit, sums = self.physics.circuit, self._sums
-        first, last = samples[0], samples[-1]
+        first, last, inner = samples[0], samples[-1], samples[1:]
         span = last.time - first.time
         before = self.physics.lengths(first.position) if self._length is None else self._length
         x = self._length = self.physics.lengths(last.position)
         areas = np.stack([circuit.area_a, circuit.area_b], axis=1)
         oil = np.stack(chamber_volumes(circuit, x), axis=1)
-        softness = oil / circuit.bulk_modulus[:, None] / areas * (1.0, -1.0)
+        softness = oil / circuit.bulk_modulus[:, None] / areas * SIDES
         begun = np.stack([first.chamber_a, first.chamber_b], axis=1)
         ended = np.stack([last.chamber_a, last.chamber_b], axis=1)
-        volumes = sums[:, [FLOW_A, FLOW_B]]
-        crossed = self._crossed_sums[:, [FLOW_A, FLOW_B]]
-        drop = sums[:, [DROP_A, DROP_B]] / areas * (1.0, -1.0)
-        inner = samples[1:]
-        p_a = np.mean([one.chamber_a for one in inner], axis=0)
-        p_b = np.mean([one.chamber_b for one in inner], axis=0)
-        squeezed = softness * (ended - begun)
-        flow = volumes / areas * (1.0, -1.0) - squeezed
+        drop = sums["drop"] / areas * SIDES
+        p_a = np.mean([sample.chamber_a for sample in inner], axis=0)
+        p_b = np.mean([sample.chamber_b for sample in inner], axis=0)
         shown = np.stack([p_a, p_b], axis=1)
-        supply = float(np.mean([one.supply for one in inner]))
-        lost, faint = sums[:, [LOST_A, LOST_B]] > 0.0, sums[:, [FAINT_A, FAINT_B]] > 0.0
-        passed = sums[:, [WIDE_A, WIDE_B]]
+        supply = float(np.mean([sample.supply for sample in inner]))
+        squeezed = softness * (ended - begun)
+        flow = sums["flow"] / areas * SIDES - squeezed
+        lost, faint, passed = sums["lost"] > 0.0, sums["faint"] > 0.0, sums["wide"]
         from_supply = passed > 0.0
         left = np.where(from_supply, supply - shown, shown - circuit.tank_pressure)
-        wide, missed = passed / areas * (1.0, -1.0), (x - before)[:, None] - flow
-        slope, lies = slopes_of_liars(missed, wide, from_supply, left)
-        drop = np.where(lies, slope, drop)
+        wide, missed = passed / areas * SIDES, (x - before)[:, None] - flow
+        slope, faulty = slopes_of_liars(missed, wide, from_supply, left)
+        drop = np.where(faulty, slope, drop)
         certain = ~lost & ~faint
         turned = np.where(certain, np.nan_to_num(np.abs(flow / span - self._speed)), 0.0)
         self._speed = np.where(certain, flow / span, self._speed)
-        entering = np.maximum(volumes, 0.0)
-        drawn = circuit.droop * entering.sum(axis=1) / span
+        drawn = circuit.droop * np.maximum(sums["flow"], 0.0).sum(axis=1) / span
         droop = float(drawn.sum())
         above = supply - circuit.supply_pressure
+        crossed = self._crossed_sums["flow"] / areas * SIDES
         return FlowBlock(
             begin=first.time,
             time=last.time,
             encoder=x - before,
             flow=flow,
-            crossed=crossed / areas * (1.0, -1.0) - softness * (ended - begun)[:, ::-1],
+            crossed=crossed - softness * (ended - begun)[:, ::-1],
             fed=-drop * from_supply,
             drop=drop,
             softness=softness,
             squeezed=-squeezed,
             leak=-((p_a - p_b) * span)[:, None] / areas,
-            late=sums[:, [SOON_A, SOON_B]] / areas * (-1.0, 1.0),
-            null=sums[:, [NULL_A, NULL_B]] / areas * (1.0, -1.0),
-            edge=sums[:, [EDGE_A, EDGE_B]] / areas,
-            known=~lost & (~faint | lies),
+            late=sums["sooner"] / areas * -SIDES,
+            null=sums["null"] / areas * SIDES,
+            edge=sums["edge"] / areas,
+            known=~lost & (~faint | faulty),
             pressure=shown,
             last=ended,
             supply=above + droop,
@@ -344,17 +324,3 @@ class Blocks:
             lever=self.physics.levers(last.position),
             turned=turned,
         )
-
-
-def _exchanged(sample: Sample, crossed: Flags) -> Sample:
-    a, b = sample.chamber_a, sample.chamber_b
-    return sample._replace(chamber_a=np.where(crossed, b, a), chamber_b=np.where(crossed, a, b))
-
-
-def _check(sample: Sample, pressures: Array) -> None:
-    if not (
-        np.isfinite(pressures).all()
-        and np.isfinite(sample.position).all()
-        and math.isfinite(sample.supply)
-    ):
-        raise DataError(f"sample at {sample.time:.3f} s: a reading is missing")

@@ -1,25 +1,41 @@
-"""Whose fault it is: the signature that residuals follow best, from when, and how large.
+"""Which fault it is: the signature that residuals follow best, from when, and how large.
+
+The position is in what either chamber is compared with: an encoder moves both residuals of its
+joint alike, whatever the pressures are. A transducer moves that of its own chamber, by the flow
+that its pressure makes and by the oil that a jump of it seems to compress; that of the supply moves
+the chamber that is fed, of all joints, and what the supply itself should be. A valve that does not
+follow its command feeds both chambers less, and the supply droops less.
 
 Sums of residuals are fitted, not the residuals: what encoders round and what jitters comes back in
 the next block, and is not summed up. Every signature is tried from every onset that may have been.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_observer.monitor.history import History, within
-from crane_observer.monitor.signatures import COVERED, SUPPLY, FaultSpan, Part, Wrong, signatures
+from crane_observer.monitor.blocks import FlowBlock
+from crane_observer.monitor.finding import COVERED, SUPPLY, Part, Wrong
+from crane_observer.monitor.tolerance import History, within
+
+PLAYS = 2.5e-4 * 1.5 ** np.arange(9)  # m at the piston
+LAGS = 0.015 * 1.5 ** np.arange(10)  # s
 
 ONSETS = 16  # that are tried at first, and between the best and its neighbours
-BEFORE = 40  # blocks before the earliest onset that say where residuals were
-CORRELATED = 10  # blocks that err alike
+BLOCKS_BEFORE = 40  # before the earliest onset, that say where residuals were
+CORRELATED_BLOCKS = 10  # that err alike
 FLOOR_SHARE = 0.25  # of a tolerance is one standard deviation
-ONE_WAY = {Wrong.LEAKING}  # whose size is positive
-HAVE_A_COURSE = {Wrong.SLOW, Wrong.LEAKING}
+SIZE_STRETCH = 1.25  # times of which a fault still looks like that of a size which is tried
+SIZE_SPREAD = 0.1  # of such a size is its standard deviation
+STILL = 1e-5  # m of displacement in which an encoder that is stuck still flickers
+DOUBTED = 1e-3  # m at the piston, from which on a position is in doubt
+
+POSITIVE_KINDS = {Wrong.LEAKING}  # whose size is positive
+KINDS_WITH_COURSE = {Wrong.SLOW, Wrong.LEAKING}
 RELUCTANCE = {
     Wrong.STUCK: 0.7,
     Wrong.SWAPPED: 0.5,
@@ -28,24 +44,169 @@ RELUCTANCE = {
     Wrong.OPEN: 1.3,
 }
 """By which misfits are multiplied: of faults that explain as much, the plain ones come first."""
-STRETCH = 1.25  # times of which a fault still looks like that of a size which is tried
-DOUBTED = 1e-3  # m at the piston, from which on a position is in doubt
-BETWEEN = 0.1  # of such a size is its standard deviation
-QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
-
 EXPLAINS = 0.1  # misfit of what explains all but noise
 CLEARLY = 3.0  # times the misfit of the first suspect, beyond which another is excluded
 VALVE_RESERVE = 0.5  # square standard deviations: an open valve explains any steady motion
 COURSE_RESERVE = 0.05  # the same of a lag or a leak, whose course only the valve or piston has
-EXPLAINED_BY_WHOLE = (
-    0.6  # of the square residuals, at most left by what has no size to be uncertain
-)
-BETTER = 1.25  # times the misfit of another, at which that is named in the second look
-DROOPS = 0.5  # misfit by which the supply tells an encoder from a valve
-ANYTHING_RESERVE = {
-    Part.VALVE: 2.5,
-    Part.ENCODER: 5.0,
-}  # the same, of what has no course of its own
+FREE_RESERVE = {Part.VALVE: 2.5, Part.ENCODER: 5.0}  # the same, of what has no course of its own
+WHOLE_MISFIT_SHARE = 0.6  # of the square residuals, at most left by what has no uncertain size
+OUTDONE = 1.25  # times the misfit of another, at which that is named in the second look
+DROOP_MISFIT = 0.5  # by which the supply discriminates an encoder from a valve
+
+
+@dataclass(frozen=True)
+class FaultSpan:
+    """n blocks of j joints, as arrays, from when a fault may have begun."""
+
+    duration: Array  # (n,) s
+    since: Array  # (n,) s since it began, at the ends of the blocks
+    encoder: Array  # (n, j)
+    flow: Array  # (n, j, 2)
+    crossed: Array
+    fed: Array
+    drop: Array
+    softness: Array
+    leak: Array
+    known: Array  # (n, j, 2)
+    last: Array
+    stroke: Array  # (n, j)
+    lever: Array
+    feeding: Array  # (n,)
+
+    @classmethod
+    def of(cls, blocks: Sequence[FlowBlock]) -> "FaultSpan":
+        """Of blocks in their order."""
+
+        def stacked(name: str) -> Array:
+            return np.array([getattr(block, name) for block in blocks])
+
+        begin, end = stacked("begin"), stacked("time")
+        shared = {field.name: stacked(field.name) for field in fields(cls)[2:]}
+        return cls(end - begin, end - begin[0], **shared)
+
+    def went(self, j: int) -> Array:
+        """(n,) m that piston j went, by the chambers of which it is known."""
+        weight = np.where(self.known[:, j].any(axis=1, keepdims=True), self.known[:, j], True)
+        return np.asarray((weight * self.flow[:, j]).sum(axis=1) / weight.sum(axis=1))
+
+
+Moves = Callable[[FaultSpan, int], tuple[Array, Array]]
+"""Residuals of joint j that a fault adds: (n, 2) of its chambers, and (n,) of the supply."""
+
+
+class Signature(NamedTuple):
+    """What a fault of a part adds to residuals, for a size of 1, or for the size `whole`."""
+
+    part: Part
+    kind: Wrong
+    unit: str
+    moves: Moves
+    whole: float | None = None
+
+
+def _encoder(error: Callable[[FaultSpan, int], Array]) -> Moves:
+    """Of an encoder that is off by so much (n,) m in each block: both chambers show it."""
+    return lambda span, j: (
+        np.repeat(error(span, j)[:, None], 2, axis=1),
+        np.zeros(len(span.since)),
+    )
+
+
+def _transducer(side: int, error: Callable[[FaultSpan, int], Array]) -> Moves:
+    """Of a chamber, `error` (n,) Pa at the ends of blocks: by its flow, and its compression."""
+
+    def moves(span: FaultSpan, j: int) -> tuple[Array, Array]:
+        shown = error(span, j)
+        out = np.zeros((len(shown), 2))
+        out[:, side] = span.drop[:, j, side] * shown
+        out[:, side] += span.softness[:, j, side] * np.diff(shown, prepend=0.0)
+        return out, np.zeros(len(shown))
+
+    return moves
+
+
+def _shown(side: int) -> Callable[[FaultSpan, int], Array]:
+    """Pa that a transducer showed at the ends of blocks."""
+    return lambda span, j: span.last[:, j, side]
+
+
+def _exchanged(span: FaultSpan, j: int) -> tuple[Array, Array]:
+    """Each chamber shows the pressure of the other."""
+    return span.crossed[:, j] - span.flow[:, j], np.zeros(len(span.since))
+
+
+def _slow(lag: float) -> Moves:
+    """Of a valve whose flow follows by a first-order lag [s]; settled when it begins."""
+
+    def moves(span: FaultSpan, j: int) -> tuple[Array, Array]:
+        told = span.flow[:, j] / span.duration[:, None]
+        shown, at = np.empty_like(told), told[0]
+        for k, passed in enumerate(span.duration / lag):
+            left = math.exp(-passed)
+            shown[k] = told[k] + (1.0 - left) / passed * (at - told[k])  # in the mean of a block
+            at = told[k] + left * (at - told[k])
+        less = (told - shown) * span.duration[:, None]
+        slower = less.mean(axis=1) * np.sign(span.went(j)) / span.duration
+        return -less, span.stroke[:, j] * slower
+
+    return moves
+
+
+def _erratic(span: FaultSpan, j: int) -> Array:
+    """m of an encoder that shows anything."""
+    return np.asarray(span.encoder[:, j] - span.went(j))
+
+
+def _free(span: FaultSpan, j: int) -> tuple[Array, Array]:
+    """Of a spool that does anything: the encoder is right, and the supply droops by that."""
+    more = np.abs(span.encoder[:, j]) - np.abs(span.went(j))
+    return _encoder(_erratic)(span, j)[0], -span.stroke[:, j] * more / span.duration
+
+
+def _open(span: FaultSpan, j: int) -> tuple[Array, Array]:
+    """Of a valve that passes oil whatever its command: the piston goes, and the supply droops."""
+    return np.repeat(span.duration[:, None], 2, axis=1), -span.stroke[:, j]
+
+
+def _backlash(play: float) -> Moves:
+    """Of an encoder behind a play [m]: it trails the motion by half of it."""
+
+    def error(span: FaultSpan, j: int) -> Array:
+        true = np.cumsum(span.went(j))
+        shown, at = np.empty_like(true), 0.0
+        for k, x in enumerate(true):
+            at = min(x + 0.5 * play, max(x - 0.5 * play, at))
+            shown[k] = at
+        return np.diff(shown - true, prepend=0.0)
+
+    return _encoder(error)
+
+
+def signatures() -> Iterator[Signature]:
+    """Of all faults that residuals tell, of two that tell as much the first; not of jumps of
+    encoders, since readings tell those.
+    """
+    encoder, valve = Part.ENCODER, Part.VALVE
+    drift = _encoder(lambda s, j: s.duration * s.lever[:, j] / s.lever[0, j])
+    yield Signature(encoder, Wrong.STUCK, "", _encoder(lambda s, j: -s.went(j)), whole=1.0)
+    yield Signature(encoder, Wrong.DRIFT, "m/s", drift)
+    yield Signature(encoder, Wrong.SCALE, "1", _encoder(lambda s, j: s.went(j)))
+    for play in PLAYS.tolist():
+        yield Signature(encoder, Wrong.BACKLASH, "m", _backlash(play), whole=play)
+    yield Signature(encoder, Wrong.ERRATIC, "", _encoder(_erratic), whole=1.0)
+    for side, part in enumerate((Part.PRESSURE_A, Part.PRESSURE_B)):
+        offset = _transducer(side, lambda s, _: np.ones_like(s.since))
+        gain = _transducer(side, _shown(side))
+        yield Signature(part, Wrong.OFFSET, "Pa", offset)
+        yield Signature(part, Wrong.DRIFT, "Pa/s", _transducer(side, lambda s, _: s.since))
+        yield Signature(part, Wrong.GAIN, "1", gain)
+    yield Signature(Part.PRESSURES, Wrong.SWAPPED, "", _exchanged, whole=1.0)
+    yield Signature(valve, Wrong.STUCK, "", _free, whole=1.0)
+    for lag in LAGS.tolist():
+        yield Signature(valve, Wrong.SLOW, "s", _slow(lag), whole=lag)
+    leak: Moves = lambda s, j: (s.leak[:, j], np.zeros(len(s.since)))  # noqa: E731
+    yield Signature(valve, Wrong.LEAKING, "m3/(s Pa)", leak)
+    yield Signature(valve, Wrong.OPEN, "m/s", _open)
 
 
 class Suspect(NamedTuple):
@@ -66,60 +227,84 @@ class Suspect(NamedTuple):
         """Whether its size is surely not 0; what has no size is."""
         return abs(self.size) > COVERED * self.deviation
 
+    @property
+    def free(self) -> bool:
+        """Whether it has no course of its own: only the supply discriminates an encoder that shows
+        anything from a valve that does anything.
+        """
+        return (self.part, self.kind) in (
+            (Part.VALVE, Wrong.STUCK),
+            (Part.ENCODER, Wrong.ERRATIC),
+        )
 
-def isolate(
-    history: History,
-    tolerance: Array,
-    joints: Sequence[str],
-    alarmed: Array,
-    watched: Flags,
-    span: int,
-    ago: int,
-) -> list[Suspect]:
-    """Suspects, the first first, after channels `alarmed` (c,) took all of their tolerance over
-    `span` blocks, `ago` blocks before the newest; by those `watched` (c,).
-    """
-    tolerance = tolerance[:, :4]  # stamps that are off delay an alarm, and give it no shape
-    newest = history.newest
-    oldest = max(newest - 2 * span - BEFORE, int(history.since_row[watched].max(initial=0)))
+    @property
+    def badness(self) -> float:
+        """Its misfit, and by how much plainer faults are preferred."""
+        reserve = VALVE_RESERVE if self.part is Part.VALVE else 0.0
+        if self.kind in KINDS_WITH_COURSE:
+            reserve = COURSE_RESERVE
+        elif self.free:
+            reserve = FREE_RESERVE[self.part]
+        return (self.misfit + reserve) * RELUCTANCE.get(self.kind, 1.0)
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """What was observed when channels took all of their tolerance."""
+
+    history: History
+    tolerance: Array  # (c, 6)
+    joints: Sequence[str]
+    alarmed: Array  # (c,) which channels
+    watched: Flags  # (c,) by which the fault is isolated
+    span: int  # blocks, over which it took its tolerance
+    ago: int  # blocks before the newest
+
+
+def isolate(alarm: Alarm) -> list[Suspect]:
+    """Suspects, the first first."""
+    history = alarm.history
+    newest, since = history.newest, history.since_row[alarm.watched].max(initial=0)
+    oldest = max(newest - 2 * alarm.span - BLOCKS_BEFORE, int(since))
     most = max(newest - oldest - 5, 1)
-    least = min(ago + 1, most)  # what alarms has begun
+    least = min(alarm.ago + 1, most)  # what alarms has begun
     spread = np.round(np.geomspace(least, most, ONSETS)).astype(int)
     backs = np.unique(np.clip([*spread, *(least + np.arange(5))], least, most))
-    found = {
-        back: _tried(history, tolerance, joints, alarmed, watched, oldest, back) for back in backs
-    }
+    found = {back: _tried(alarm, oldest, back) for back in backs}
     if not any(found.values()):
         return []
-    best = min((_badness(one[0]), back) for back, one in found.items() if one)[1]
+    best = min((suspects[0].badness, back) for back, suspects in found.items() if suspects)[1]
     place = int(np.searchsorted(backs, best))
     low, high = backs[max(place - 1, 0)], backs[min(place + 1, len(backs) - 1)]
     for back in range(low + 1, high, max((high - low) // ONSETS, 1)):
         if back not in found:
-            found[back] = _tried(history, tolerance, joints, alarmed, watched, oldest, back)
-    return sorted((one for some in found.values() for one in some), key=_badness)
+            found[back] = _tried(alarm, oldest, back)
+    every_suspect = (suspect for suspects in found.values() for suspect in suspects)
+    return sorted(every_suspect, key=lambda suspect: suspect.badness)
 
 
 def encoder_behind(suspects: Sequence[Suspect]) -> Suspect | None:
-    """The encoder that may lie instead of what is named: one that explains the residuals not
-    clearly worse than any suspect does. Few blocks behind an onset tell little apart, and who moves
-    a crane by an encoder that lies does not know where it is.
+    """The encoder that may be faulty instead of what is named: one that explains the residuals not
+    clearly worse than any suspect does. Few blocks behind an onset discriminate little, and if an
+    encoder is faulty, it is not known where the crane is.
     """
-    encoders = [one for one in suspects if one.part is Part.ENCODER and one.certain]
+    encoders = [s for s in suspects if s.part is Part.ENCODER and s.certain]
     if not encoders:
         return None
     if _supply_says(suspects, best_of(suspects, Part.ENCODER).joint) is Part.VALVE:
         return None
-    most = CLEARLY * max(min(one.misfit for one in suspects), EXPLAINS)
-    may_lie = [one for one in encoders if one.misfit <= most]
+    most = CLEARLY * max(min(suspect.misfit for suspect in suspects), EXPLAINS)
+    # what stands while oil flows needs no size that fits
     return min(
-        may_lie, key=lambda one: (one.kind is not Wrong.STUCK, one.misfit), default=None
-    )  # what stands while oil flows needs no size that fits
+        (encoder for encoder in encoders if encoder.misfit <= most),
+        key=lambda encoder: (encoder.kind is not Wrong.STUCK, encoder.misfit),
+        default=None,
+    )
 
 
 def best_of(suspects: Sequence[Suspect], part: Part) -> Suspect:
     """The first suspect of a part that has one."""
-    return next(one for one in suspects if one.part is part)
+    return next(suspect for suspect in suspects if suspect.part is part)
 
 
 def named(suspects: Sequence[Suspect]) -> Suspect:
@@ -129,67 +314,40 @@ def named(suspects: Sequence[Suspect]) -> Suspect:
     return best_of(suspects, says) if says and first.part in (Part.ENCODER, Part.VALVE) else first
 
 
-def outdone(suspect: Suspect, other: Suspect) -> bool:
+def outdone(suspect: Suspect, rival: Suspect) -> bool:
     """Whether another explains the residuals better, and not by chance."""
-    return _badness(suspect) > BETTER * max(_badness(other), EXPLAINS)
+    return suspect.badness > OUTDONE * max(rival.badness, EXPLAINS)
 
 
 def _supply_says(suspects: Sequence[Suspect], joint: str) -> Part | None:
     """Whether a piston went as its encoder shows, or as the commands of its valve: it lets the
     supply droop by one of the two. None where that tells nothing.
     """
-    free = sorted(
-        (one for one in suspects if _does_anything(one) and one.joint == joint),
-        key=lambda one: -one.misfit,
-    )
-    least = {one.part: one.misfit for one in free}  # the last of each, over all onsets
+    least: dict[Part, float] = {}
+    for suspect in suspects:
+        if suspect.free and suspect.joint == joint:
+            least[suspect.part] = min(suspect.misfit, least.get(suspect.part, math.inf))
     if len(least) < 2:
         return None
     more = least[Part.ENCODER] - least[Part.VALVE]
-    if abs(more) < DROOPS:
+    if abs(more) < DROOP_MISFIT:
         return None
     return Part.VALVE if more > 0.0 else Part.ENCODER
 
 
-def _does_anything(suspect: Suspect) -> bool:
-    """Whether it has no course of its own: only the supply tells an encoder that shows what it
-    likes from a valve that does.
-    """
-    return (suspect.part, suspect.kind) in (
-        (Part.VALVE, Wrong.STUCK),
-        (Part.ENCODER, Wrong.ERRATIC),
-    )
-
-
-def _badness(suspect: Suspect) -> float:
-    reserve = VALVE_RESERVE if suspect.part is Part.VALVE else 0.0
-    if suspect.kind in HAVE_A_COURSE:
-        reserve = COURSE_RESERVE
-    elif _does_anything(suspect):
-        reserve = ANYTHING_RESERVE[suspect.part]
-    return (suspect.misfit + reserve) * RELUCTANCE.get(suspect.kind, 1.0)
-
-
-def _tried(
-    history: History,
-    tolerance: Array,
-    joints: Sequence[str],
-    alarmed: Array,
-    watched: Flags,
-    oldest: int,
-    back: int,
-) -> list[Suspect]:
+def _tried(alarm: Alarm, oldest: int, back: int) -> list[Suspect]:
     """All that may have begun `back` blocks ago, by their misfit since the row `oldest`."""
-    newest, sums = history.newest, history.sums
-    row = newest - int(back)
+    history, watched, sums = alarm.history, alarm.watched, alarm.history.sums
+    row = history.newest - int(back)
     blocks = history.since(row)
-    course = FaultSpan.of(blocks)
-    at = np.arange(oldest, newest + 1)
+    span = FaultSpan.of(blocks)
+    at = np.arange(oldest, history.newest + 1)
     base = sums.residual[max(row - 4, oldest) : row + 1].mean(axis=0)
+    tolerance = alarm.tolerance[:, :4]  # stamps that are off delay an alarm, and give it no shape
     deviation = FLOOR_SHARE * within(tolerance, sums, np.full(len(at), row), at)
     data = np.where(watched, (sums.residual[at] - base) / deviation, 0.0)
     found, unexplained = [], float(np.mean(data**2))
-    for part, joint, kind, unit, whole, shape in _shapes(course, joints, alarmed):
+    for part, joint, kind, unit, whole, shape in _shapes(span, alarm):
         model = np.zeros_like(data)
         model[row - oldest + 1 :] = np.cumsum(shape, axis=0)
         model = np.where(watched, model / deviation, 0.0)
@@ -203,28 +361,28 @@ def _tried(
             continue
         times = float(np.sum(model * data)) / power
         if whole:
-            times = min(max(times, 1.0 / STRETCH), STRETCH) if unit else 1.0
-        if times < 0.0 and kind in ONE_WAY:
+            times = min(max(times, 1.0 / SIZE_STRETCH), SIZE_STRETCH) if unit else 1.0
+        if times < 0.0 and kind in POSITIVE_KINDS:
             continue
         misfit = float(np.mean((data - times * model) ** 2))
-        spread = math.sqrt(CORRELATED * max(misfit, 1.0) / power)
-        if whole and misfit > EXPLAINED_BY_WHOLE * unexplained:
+        spread = math.sqrt(CORRELATED_BLOCKS * max(misfit, 1.0) / power)
+        if whole and misfit > WHOLE_MISFIT_SHARE * unexplained:
             continue
         if whole:
-            spread = BETWEEN * whole if unit else 0.0
-        begin = blocks[0].begin
-        size = (whole or 1.0) * times
-        error = 0.0
+            spread = SIZE_SPREAD * whole if unit else 0.0
+        size, error = (whole or 1.0) * times, 0.0
         if part is Part.ENCODER:
-            own = 2 * joints.index(joint)
-            error = abs(times) * float(np.abs(np.cumsum(shape[:, own : own + 2], axis=0)).max())
-        found.append(Suspect(part, joint, kind, misfit, begin, size, spread, unit, error))
-    return sorted(found, key=_badness)
+            column = 2 * alarm.joints.index(joint)
+            off = np.abs(np.cumsum(shape[:, column : column + 2], axis=0)).max()
+            error = abs(times) * float(off)
+        onset = blocks[0].begin
+        found.append(Suspect(part, joint, kind, misfit, onset, size, spread, unit, error))
+    return sorted(found, key=lambda suspect: suspect.badness)
 
 
 def _before(data: Array, model: Array, first: Array, whole: float | None) -> Array:
-    """What of a model (n, c) is too much, as the fault began within the block that adds `first`
-    (n, c): the share of it that fits the data best.
+    """The part of a model (n, c) that is too much, as the fault began within the block that adds
+    `first` (n, c): the share of it that fits the data best.
     """
     power = float(np.sum(first**2))
     if power == 0.0:
@@ -238,30 +396,36 @@ def _before(data: Array, model: Array, first: Array, whole: float | None) -> Arr
     return min(max(float(share), 0.0), 1.0) * first
 
 
-def _shapes(
-    course: FaultSpan, joints: Sequence[str], alarmed: Array
-) -> list[tuple[Part, str, Wrong, str, float | None, Array]]:
-    """(n, c) a block of every fault that can have been."""
-    n, count = len(course.since), 2 * len(joints) + 1
-    shapes = []
-    known = course.known.reshape(n, -1)
-    for j in np.flatnonzero(alarmed[:-1].reshape(-1, 2).any(axis=1)).tolist():
-        for one in signatures():
-            begun = min(n - 1, 1)  # it may have moved before, in the first block
-            quiet = float(np.abs(course.encoder[begun:, j]).sum()) < QUIET
-            if one.part is Part.ENCODER and quiet != (one.kind is Wrong.STUCK):
+class FaultShape(NamedTuple):
+    """A fault that can have been, and what it adds (n, c) to the residuals of n blocks."""
+
+    part: Part
+    joint: str
+    kind: Wrong
+    unit: str
+    whole: float | None
+    shape: Array
+
+
+def _shapes(span: FaultSpan, alarm: Alarm) -> Iterator[FaultShape]:
+    n, count = len(span.since), 2 * len(alarm.joints) + 1
+    known = span.known.reshape(n, -1)
+    begun = min(n - 1, 1)  # an encoder may have moved before, in the first block
+    for j in np.flatnonzero(alarm.alarmed[:-1].reshape(-1, 2).any(axis=1)).tolist():
+        still = float(np.abs(span.encoder[begun:, j]).sum()) < STILL
+        for part, kind, unit, moves, whole in signatures():
+            if part is Part.ENCODER and still != (kind is Wrong.STUCK):
                 continue
             shape = np.zeros((n, count))
-            shape[:, 2 * j : 2 * j + 2], shape[:, -1] = one.moves(course, j)
+            shape[:, 2 * j : 2 * j + 2], shape[:, -1] = moves(span, j)
             shape[:, :-1] *= known
-            shape[:, -1] *= course.feeding
-            shapes.append((one.part, joints[j], one.kind, one.unit, one.whole, shape))
+            shape[:, -1] *= span.feeding
+            yield FaultShape(part, alarm.joints[j], kind, unit, whole, shape)
     for kind, unit, error in (
         (Wrong.OFFSET, "Pa", np.ones(n)),
-        (Wrong.DRIFT, "Pa/s", course.since),
+        (Wrong.DRIFT, "Pa/s", span.since),
     ):
         shape = np.zeros((n, count))
-        shape[:, :-1] = (course.fed * error[:, None, None]).reshape(n, -1) * known
-        shape[:, -1] = error * course.feeding
-        shapes.append((Part.SUPPLY, SUPPLY, kind, unit, None, shape))
-    return shapes
+        shape[:, :-1] = (span.fed * error[:, None, None]).reshape(n, -1) * known
+        shape[:, -1] = error * span.feeding
+        yield FaultShape(Part.SUPPLY, SUPPLY, kind, unit, None, shape)

@@ -1,6 +1,7 @@
 """Samples in, findings out; the same on the machine and on bags."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,10 +9,17 @@ from crane_model.array import Array, Flags
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_observer.monitor.blocks import BLOCK, Blocks, FlowBlock, KnownFlow, Sample
-from crane_observer.monitor.finding import RivalEncoder, SensorFinding
-from crane_observer.monitor.history import History, excess
+from crane_observer.monitor.finding import (
+    COVERED,
+    TRANSDUCERS,
+    Part,
+    RivalEncoder,
+    SensorFinding,
+    Wrong,
+)
 from crane_observer.monitor.isolation import (
     DOUBTED,
+    Alarm,
     Suspect,
     encoder_behind,
     isolate,
@@ -19,14 +27,21 @@ from crane_observer.monitor.isolation import (
     outdone,
 )
 from crane_observer.monitor.readings import ReadingWatch, StandingWatch
-from crane_observer.monitor.signatures import COVERED, Part, Wrong
-from crane_observer.monitor.tolerance import NAMES, Tolerance
+from crane_observer.monitor.tolerance import TOLERANCE_FIELDS, History, Tolerance, excess
 
-# The monitor of a machine whose hydraulics are not identified: every sensor by itself.
+BLOCKS_WAITED = 2  # after an alarm, in which others that have the same cause follow
+MOST_BLOCKS_WAITED = 16  # of a fault that grew slowly
+REFINED = 40  # blocks after which kind and size of what was found are looked at again
+EXPLAINED_MISFIT = 0.5  # below which noise does not do what is seen
+STUCK_REPEATS = 15  # of a reading, that are as good as stuck once residuals say so
+CREEP = TOLERANCE_FIELDS.index("creep")
 
 
 class SensorsAlone:
-    """Takes what `SensorComparison` takes, and finds what readings alone tell."""
+    """The monitor of a machine whose hydraulics are not identified: every sensor by itself.
+
+    Takes what `SensorComparison` takes, and finds what readings alone tell.
+    """
 
     def __init__(self, model: Model):
         self._model = model
@@ -34,9 +49,8 @@ class SensorsAlone:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: sensors were mended."""
-        units = self._model.setting.units
-        joints = self._model.joints
+        """Begin anew: sensors were repaired."""
+        joints, units = self._model.joints, self._model.setting.units
         self.readings = ReadingWatch(joints, [units[joint] for joint in joints])
         self._standing, self._command = StandingWatch(len(joints)), np.zeros(len(joints))
         self.findings: list[SensorFinding] = []
@@ -56,9 +70,9 @@ class SensorsAlone:
         if sample.time < self._looked + BLOCK:
             return []
         self._looked = sample.time
-        known = {one.sensor for one in self.findings}
+        known = {finding.sensor for finding in self.findings}
         found = [*self.readings.found(sample.time), *self._stuck(sample.time)]
-        found = [one for one in found if one.sensor not in known]
+        found = [finding for finding in found if finding.sensor not in known]
         self.findings += found
         return found
 
@@ -78,17 +92,17 @@ class SensorsAlone:
         return []
 
 
-WAITED = 2  # blocks after an alarm, in which others that have the same cause follow
-LONGEST_WAIT = 16  # blocks, of a fault that grew slowly
-REFINED = 40  # blocks after which kind and size of what was found are looked at again
-EXPLAINED = 0.5  # misfit, below which noise does not do what is seen
-TRANSDUCERS = Part.PRESSURE_A, Part.PRESSURE_B  # each compared in the channel of its chamber
-CREEP = NAMES.index("creep")
-SEEN_STUCK = 15  # repeats of a reading that are as good as stuck once residuals say so
+class SecondLook(NamedTuple):
+    """A finding that is looked at again after some blocks, and how it was isolated."""
+
+    blocks_left: int
+    finding: SensorFinding
+    alarmed: Array
+    watched: Flags
 
 
 class SensorComparison:
-    """Of one machine; the joints of every sample are those of the model, in its order.
+    """The monitor of a machine; the joints of every sample are those of the model, in its order.
 
     A sensor that was found is not watched any more until `forget`, nor is what is compared with it
     alone. All else is: an encoder with the other chamber, with both once those that were swapped
@@ -113,21 +127,21 @@ class SensorComparison:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: sensors were mended."""
-        joints = len(self.physics.joints)
+        """Begin anew: sensors were repaired."""
+        channels = 2 * len(self.physics.joints) + 1
         self._blocks = Blocks(self.physics)
         self._history = History(self._trim)
         self._tolerance = self._learnt.copy()
         self.readings = ReadingWatch(self.physics.joints, self._units)
-        self._watched = np.ones(2 * joints + 1, dtype=bool)
+        self._watched = np.ones(channels, dtype=bool)
         self._waiting: int | None = None
         self._span, self._since = 1, 0
-        self._trusted = np.ones(2 * joints + 1, dtype=bool)  # transducers
-        self._again: tuple[int, SensorFinding, Array, Flags] | None = None
-        self._alarmed = np.zeros(2 * joints + 1, dtype=bool)
+        self._trusted = np.ones(channels, dtype=bool)  # transducers
+        self._again: SecondLook | None = None
+        self._alarmed = np.zeros(channels, dtype=bool)
         self._block: FlowBlock | None = None
         self._newest: FlowBlock | None = None
-        self.taken = np.zeros(2 * joints + 1)  # share of what makes an alarm, of each channel
+        self.taken = np.zeros(channels)  # share of what makes an alarm, of each channel
         self.findings: list[SensorFinding] = []
 
     def take_block(self) -> FlowBlock | None:
@@ -146,10 +160,17 @@ class SensorComparison:
             return []
         self._history.add(block, self._trusted)
         self._block = self._newest = block
-        found = self._by_readings(block)
-        found += self._by_residuals(block)
+        found = self._by_readings(block) + self._by_residuals(block)
         self.findings += found
         return found + self._refined(block)
+
+    def _by_readings(self, block: FlowBlock) -> list[SensorFinding]:
+        found = []
+        for finding in self.readings.found(block.time):
+            if self._watched[self._channels(finding.part, finding.joint)].any():
+                self._leave(finding.part, finding.joint)
+                found.append(finding)
+        return found
 
     def _by_residuals(self, block: FlowBlock) -> list[SensorFinding]:
         taken, spans = excess(self._tolerance, self._history)
@@ -160,7 +181,7 @@ class SensorComparison:
             self._alarmed |= over
             if self._waiting is None:
                 self._span, self._since = int(spans[over].max()), 0
-                self._waiting = min(WAITED + self._span // 2, LONGEST_WAIT)
+                self._waiting = min(BLOCKS_WAITED + self._span // 2, MOST_BLOCKS_WAITED)
         if self._waiting is None:
             return []
         if self._waiting:
@@ -186,9 +207,9 @@ class SensorComparison:
             return []
         watched = self._watched.copy()
         suspects = self._suspects(alarmed, watched)
-        explained = bool(suspects) and suspects[0].misfit < EXPLAINED
+        explained = bool(suspects) and suspects[0].misfit < EXPLAINED_MISFIT
         encoder = encoder_behind(suspects)
-        stands = encoder is not None and encoder.kind is Wrong.STUCK  # and who is led by it shakes
+        stands = encoder is not None and encoder.kind is Wrong.STUCK  # a loop over it shakes
         if not explained and not stands and (noisy := self._noisy(alarmed, block)):
             return [noisy._replace(rival=self._rival(suspects))]
         if not suspects or not suspects[0].certain:
@@ -203,12 +224,20 @@ class SensorComparison:
         elif finding.part in TRANSDUCERS:
             watched[-1] = False  # nor what feeds it, whose sums begin anew
         if finding.kind is not Wrong.SWAPPED:
-            self._again = REFINED, finding, alarmed, watched
+            self._again = SecondLook(REFINED, finding, alarmed, watched)
         return [finding]
 
+    def _suspects(self, alarmed: Array, watched: Flags) -> list[Suspect]:
+        return isolate(
+            Alarm(
+                self._history, self._tolerance, self.physics.joints, alarmed, watched, self._span,
+                self._since,
+            )
+        )  # fmt: skip
+
     def _rival(self, suspects: Sequence[Suspect]) -> RivalEncoder | None:
-        """The encoder that may lie instead of what is named and left. One that is compared on, and
-        would be off by less than DOUBTED by now, is none: if it lies, it is found as that grows.
+        """The encoder that may be faulty instead of what is named and left. One that is compared
+        on, and would be off by less than DOUBTED by now, is none: its fault is found as that grows.
         What a chamber missed of it, because its flow was not known, that comparison does not see.
         """
         encoder = encoder_behind(suspects)
@@ -221,10 +250,6 @@ class SensorComparison:
             return None
         return RivalEncoder(encoder.joint, encoder.kind)
 
-    def _suspects(self, alarmed: Array, watched: Flags) -> list[Suspect]:
-        joints, ago = self.physics.joints, self._since
-        return isolate(self._history, self._tolerance, joints, alarmed, watched, self._span, ago)
-
     def _refined(self, block: FlowBlock) -> list[SensorFinding]:
         """The finding of a while ago with what is known by now: the same sensor, unless another
         explains it clearly better.
@@ -233,27 +258,28 @@ class SensorComparison:
             return []
         left, before, alarmed, watched = self._again
         if left:
-            self._again = left - 1, before, alarmed, watched
+            self._again = self._again._replace(blocks_left=left - 1)
             return []
         self._again = None
         self._span = max(self._span, REFINED)
-        found = [one for one in self._suspects(alarmed, watched) if one.certain]
-        same = [one for one in found if (one.part, one.joint) == (before.part, before.joint)]
+        found = [suspect for suspect in self._suspects(alarmed, watched) if suspect.certain]
         if not found:
             return []
+        sensor = before.part, before.joint
+        same = next((s for s in found if (s.part, s.joint) == sensor), None)
         alone = before is self.findings[-1] and before.part is not Part.SUPPLY
         first = named(found)
-        if alone and (not same or first.part is not found[0].part or outdone(same[0], first)):
+        if alone and (same is None or first.part is not found[0].part or outdone(same, first)):
             self._watched = watched.copy()
             self._leave(first.part, first.joint)
-            same = [first]
-        elif not same:
+            same = first
+        elif same is None:
             return []
-        finding, rival = self._told(same[0], block)._replace(found=before.found), before.rival
+        finding, rival = self._told(same, block)._replace(found=before.found), before.rival
         if finding.part is not Part.ENCODER:  # what was a danger stays one
             was = RivalEncoder(before.joint, before.kind) if before.part is Part.ENCODER else rival
             finding = finding._replace(rival=was or self._rival(found))
-        self.findings = [finding if one is before else one for one in self.findings]
+        self.findings = [finding if known is before else known for known in self.findings]
         return [finding]
 
     def _noisy(self, alarmed: Array, block: FlowBlock) -> SensorFinding | None:
@@ -266,24 +292,16 @@ class SensorComparison:
         return None
 
     def _told(self, suspect: Suspect, block: FlowBlock) -> SensorFinding:
-        kind, unit = suspect.kind, suspect.unit
-        if suspect.part in (Part.PRESSURE_A, Part.PRESSURE_B, Part.SUPPLY):
+        kind, unit, size = suspect.kind, suspect.unit, suspect.size
+        if suspect.part in (*TRANSDUCERS, Part.SUPPLY):
             sensor = self.readings.sensors.index((suspect.part, suspect.joint))
-            if self.readings.repeated[sensor] >= SEEN_STUCK:
+            if self.readings.repeated[sensor] >= STUCK_REPEATS:
                 kind, unit = Wrong.STUCK, ""
         spread = COVERED * suspect.deviation
         return SensorFinding(
-            suspect.part, suspect.joint, kind, unit, suspect.size, suspect.size - spread,
-            suspect.size + spread, suspect.onset, block.time,
+            suspect.part, suspect.joint, kind, unit, size, size - spread, size + spread,
+            suspect.onset, block.time,
         )  # fmt: skip
-
-    def _by_readings(self, block: FlowBlock) -> list[SensorFinding]:
-        found = []
-        for one in self.readings.found(block.time):
-            if self._watched[self._channels(one.part, one.joint)].any():
-                self._leave(one.part, one.joint)
-                found.append(one)
-        return found
 
     def _channels(self, part: Part, joint: str) -> slice:
         if part is Part.SUPPLY:
@@ -293,7 +311,7 @@ class SensorComparison:
         return slice(begin, begin + (1 if part in TRANSDUCERS else 2))
 
     def _leave(self, part: Part, joint: str) -> None:
-        """Watch no more what is compared with a sensor that lies."""
+        """Watch no more what is compared with a faulty sensor."""
         channels = self._channels(part, joint)
         if part is Part.PRESSURES:
             self._blocks.exchange(self.physics.joints.index(joint))
@@ -310,12 +328,12 @@ class SensorComparison:
         elif part is Part.VALVE or part is Part.ENCODER:
             self._watched[-1] = False
 
-    def _doubt_leak(self, lying: Part, joint: int) -> None:
-        """What leaks past a piston is not known any more, once a transducer of it lies: the other
-        chamber may creep by all of it.
+    def _doubt_leak(self, faulty: Part, joint: int) -> None:
+        """What leaks past a piston is not known any more, once a transducer of it is faulty: the
+        other chamber may creep by all of it.
         """
         circuit = self.physics.circuit
-        lies_a = lying is Part.PRESSURE_A
-        area = (circuit.area_b if lies_a else circuit.area_a)[joint]
+        of_a = faulty is Part.PRESSURE_A
+        area = (circuit.area_b if of_a else circuit.area_a)[joint]
         leak = circuit.leakage[joint] * circuit.supply_pressure / area  # m/s
-        self._tolerance[2 * joint + lies_a, CREEP] += leak
+        self._tolerance[2 * joint + of_a, CREEP] += leak

@@ -9,16 +9,18 @@ import numpy as np
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
-from crane_observer.monitor.blocks import LONGEST, KnownFlow, Sample
+from crane_observer.monitor.blocks import LONGEST_SAMPLE_GAP, KnownFlow, Sample
 from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.history import TERMS, Added, Sums, of_block, summed
 from crane_observer.monitor.monitor import SensorComparison, SensorsAlone
-from crane_observer.monitor.tolerance import Tolerance, unlearnt
-from crane_observer.recording import COMMAND, ENCODERS, HeardRecording
+from crane_observer.monitor.tolerance import Added, Sums, Tolerance, of_block, summed, unlearnt
+from crane_observer.recording import (
+    CommandReading,
+    EncoderReading,
+    HeardRecording,
+    PressureReading,
+)
 
-# From the readings of three topics to samples: encoders at the stamps of pressures.
-
-WAITING_ROOM = 100  # readings of pressures that wait for an encoder
+WAITING_PRESSURES = 100  # readings, that wait for an encoder
 
 
 class Heed(Enum):
@@ -31,12 +33,26 @@ class Heed(Enum):
 
 
 class SensorWatch:
-    """Takes readings as they come, and gives findings."""
+    """Takes readings of three topics as they come, and gives findings.
+
+    Times are in seconds; arrays (j,) are in the order of the joints of the model.
+
+    Parameters
+    ----------
+    model
+        Identified model; without hydraulics every sensor is watched by itself.
+    tolerance
+        How far residuals go without a fault; by default a wide one is assumed.
+
+    Raises
+    ------
+    ConfigurationError
+        There is a tolerance, but the model has no hydraulics.
+    DataError
+        The tolerance is that of other joints.
+    """
 
     def __init__(self, model: Model, tolerance: Tolerance | None = None):
-        """Where the model has no hydraulics, every sensor by itself; `ConfigurationError` if there
-        is a tolerance then. Else without one a wide one is assumed.
-        """
         self.monitor: SensorComparison | SensorsAlone
         if model.hydraulics is None:
             if tolerance is not None:
@@ -52,42 +68,74 @@ class SensorWatch:
         self.condition = Heed.WAITING
         self.refused = 0  # samples
         self.last_refusal = ""
-        self._encoders: list[tuple[float, Array]] = []
-        self._pressures: list[tuple[float, Array, Array, float]] = []
+        self._encoders: list[EncoderReading] = []
+        self._pressures: list[PressureReading] = []
         self._commanded = model.hydraulics is None  # commands are not asked for then
 
     def add_command(self, time: float, command: Array) -> None:
-        """(j,) -1..1, in force from `time` [s] on."""
+        """Take valve commands (j,) [-1..1], in force from `time` [s] on."""
         self._commanded = True
         self.monitor.command(time, command)
 
     def add_encoders(self, time: float, position: Array) -> list[SensorFinding]:
-        """(j,) rad, m; what they complete."""
-        if self._encoders and time <= self._encoders[-1][0]:
+        """Take readings of the encoders.
+
+        Parameters
+        ----------
+        time
+            Their stamp [s].
+        position
+            Positions (j,) [rad, m].
+
+        Returns
+        -------
+        list of SensorFinding
+            What they brought to light.
+        """
+        if self._encoders and time <= self._encoders[-1].time:
             self._refuse(f"encoders at {time:.4f} s: out of order or twice")
             return []
         self.monitor.readings.read_encoders(time, position)
-        self._encoders = [*self._encoders[-1:], (time, position)]
+        self._encoders = [*self._encoders[-1:], EncoderReading(time, position)]
         return self._complete()
 
     def add_pressures(
         self, time: float, chamber_a: Array, chamber_b: Array, supply: float
     ) -> list[SensorFinding]:
-        """(j,) (j,) Pa, and the supply; what they complete."""
+        """Take readings of the pressures.
+
+        Parameters
+        ----------
+        time
+            Their stamp [s].
+        chamber_a, chamber_b
+            Pressures (j,) [Pa].
+        supply
+            Supply pressure [Pa].
+
+        Returns
+        -------
+        list of SensorFinding
+            What they brought to light.
+        """
         self.monitor.readings.read_pressures(time, chamber_a, chamber_b, supply)
-        self._pressures.append((time, chamber_a, chamber_b, supply))
-        del self._pressures[:-WAITING_ROOM]
+        self._pressures.append(PressureReading(time, chamber_a, chamber_b, supply))
+        del self._pressures[:-WAITING_PRESSURES]
         return self._complete()
 
     def _complete(self) -> list[SensorFinding]:
+        """Make samples of encoders at the stamps of pressures."""
         found: list[SensorFinding] = []
-        while self._pressures and self._encoders and self._pressures[0][0] <= self._encoders[-1][0]:
+        while self._pressures and self._encoders:
+            if self._pressures[0].time > self._encoders[-1].time:
+                break
             time, chamber_a, chamber_b, supply = self._pressures.pop(0)
-            if not self._commanded or time < self._encoders[0][0]:
+            if not self._commanded or time < self._encoders[0].time:
                 continue
-            position = self._encoder_at(time)
             try:
-                found += self.monitor.add(Sample(time, position, chamber_a, chamber_b, supply))
+                position = self._encoder_at(time)
+                sample = Sample(time, position, chamber_a, chamber_b, supply)
+                found += self.monitor.add(sample)
                 self.condition = self._heed
             except DataError as error:
                 self._refuse(str(error))
@@ -98,7 +146,7 @@ class SensorWatch:
     def _encoder_at(self, time: float) -> Array:
         """On a straight line between two readings; NaN where they are far apart."""
         (before, first), (after, second) = self._encoders[0], self._encoders[-1]
-        if after - before > LONGEST:
+        if after - before > LONGEST_SAMPLE_GAP:
             return np.full_like(second, np.nan)
         if time == after or after == before:
             return second
@@ -110,7 +158,7 @@ class SensorWatch:
 
 
 class WatchedBag(NamedTuple):
-    """What came out."""
+    """What the monitor made of a bag."""
 
     bag: Path
     joints: tuple[str, ...]
@@ -119,7 +167,7 @@ class WatchedBag(NamedTuple):
     taken: Array  # (n, c) share of the tolerance, by channel and block
     refused: int
     why_not: str
-    notes: tuple[str, ...] = ()  # what was mended when the bag was read
+    notes: tuple[str, ...] = ()  # what was repaired when the bag was read
 
     @property
     def largest(self) -> float:
@@ -135,39 +183,55 @@ def watch(bag: Path, model: Model, tolerance: Tolerance | None) -> WatchedBag:
 def compare(recording: HeardRecording, model: Model, tolerance: Tolerance | None) -> WatchedBag:
     """The same of what was read."""
     watched = SensorWatch(model, tolerance)
-    monitor, taken = watched.monitor, []
+    monitor, times, taken = watched.monitor, list[float](), []
     blocks: list[Added] = []
-    for kind, row in recording.events():
-        if kind == COMMAND:
-            watched.add_command(float(recording.command_time[row]), recording.commands[row])
+    for reading in recording.readings():
+        if isinstance(reading, CommandReading):
+            watched.add_command(*reading)
             continue
-        if kind == ENCODERS:
-            watched.add_encoders(float(recording.encoder_time[row]), recording.encoders[row])
+        if isinstance(reading, EncoderReading):
+            watched.add_encoders(*reading)
         else:
-            watched.add_pressures(
-                float(recording.pressure_time[row]),
-                recording.chamber_a[row],
-                recording.chamber_b[row],
-                float(recording.supply[row]),
-            )
+            watched.add_pressures(*reading)
         if (block := monitor.take_block()) is not None:
             blocks.append(of_block(block))
-            taken.append((block.time, monitor.taken))
+            times.append(block.time)
+            taken.append(monitor.taken)
     if model.hydraulics is None and watched.condition is Heed.ALONE:
-        nothing = np.zeros((0, 2 * len(model.joints) + 1))
-        sums = Sums(np.zeros(0), *(nothing,) * 5, np.zeros((*nothing.shape, TERMS)))
+        sums = Sums.zeros(0, 2 * len(model.joints) + 1)
     elif not blocks:
         why = watched.last_refusal or Heed.WAITING.value
         raise DataError(f"{recording.path}: nothing could be compared: {why}")
     else:
-        sums = summed([time for time, _ in taken], blocks)
+        sums = summed(times, blocks)
     return WatchedBag(
-        bag=recording.path,
-        joints=model.joints,
-        findings=tuple(monitor.findings),
-        sums=sums,
-        taken=np.array([shares for _, shares in taken]),
-        refused=watched.refused,
-        why_not=watched.last_refusal,
-        notes=recording.notes,
-    )
+        recording.path, model.joints, tuple(monitor.findings), sums, np.array(taken),
+        watched.refused, watched.last_refusal, recording.notes,
+    )  # fmt: skip
+
+
+def draw(seen: WatchedBag, file: Path) -> None:
+    """Draw the share of its tolerance that each chamber takes over time, and the findings."""
+    from matplotlib.figure import Figure  # a second to import
+
+    figure = Figure(figsize=(9.0, 1.6 * (len(seen.joints) + 1)), layout="constrained")
+    panels = figure.subplots(len(seen.joints) + 1, 1, sharex=True)
+    for j, joint in enumerate(seen.joints):
+        for side, name in enumerate("AB"):
+            shares, label = seen.taken[:, 2 * j + side], f"against chamber {name}"
+            panels[j].plot(seen.sums.time, shares, lw=0.8, label=label)
+        panels[j].set_ylabel(joint)
+    panels[-1].plot(seen.sums.time, seen.taken[:, -1], lw=0.8, color="C2")
+    panels[-1].set_ylabel("supply")
+    panels[-1].set_xlabel("time [s]")
+    for panel in panels:
+        panel.axhline(1.0, color="black", lw=0.6, ls="--")
+        panel.set_yscale("log")
+        panel.set_ylim(0.02, 50.0)
+        for finding in seen.findings:
+            panel.axvline(finding.onset, color="red", lw=0.8)
+    panels[0].legend(loc="upper left", fontsize="small", ncols=2)
+    told = "; ".join(f"{found.sensor}: {found.kind} {found.how_much}" for found in seen.findings)
+    title = f"{seen.bag.name}: share of the tolerance taken. {told or 'Nothing found'}"
+    panels[0].set_title(title, fontsize="medium")
+    figure.savefig(file, dpi=120)

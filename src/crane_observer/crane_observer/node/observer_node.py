@@ -1,10 +1,9 @@
-"""What the managed nodes of this package have in common: lifecycle, queues, a report a second."""
+"""What the managed nodes of this package share: lifecycle, ordered messages, a report a second."""
 
 from collections.abc import Sequence
-from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -12,24 +11,48 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from crane_bags.clocks import NANOSECONDS, TimeBack
-from crane_interfaces.msg import PositionEstimate, SensorFindings, TipLoad
+from crane_interfaces.msg import (
+    CylinderPressures,
+    PositionEstimate,
+    SensorFindings,
+    TipLoad,
+    ValveCommand,
+)
 from crane_model.array import Array
 from crane_model.errors import CraneError
-from crane_nodes.machine_parameter import MACHINE
-from crane_nodes.managed import AUTOSTART, say_ready
-from crane_nodes.names import full_name
+from crane_nodes.executor import Polled
+from crane_nodes.managed import AUTOSTART, full_name, say_ready
 from crane_nodes.node_time import NodeTime, Pacing, nanoseconds, stamp_of, tell_back
-from crane_nodes.parameters import NodeParameter, declare, hold
-from crane_nodes.polled import Polled
-from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.signatures import Part
-from crane_observer.position.sensor import Told
-from crane_observer.scale.scale import Weighing
-
-# Messages of several topics in the order of their stamps, whatever delay each topic has.
+from crane_nodes.parameters import MACHINE, NodeParameter, declare, hold
+from crane_observer.monitor.finding import Part, SensorFinding
+from crane_observer.payload.estimator import PayloadEstimate
+from crane_observer.position.estimator import WindowEstimate
 
 M = TypeVar("M")
-LONGEST = 100_000_000  # ns, that one topic is waited for when others have gone on, unless told
+LONGEST_WAIT = 100_000_000  # ns, that one topic is waited for when others have gone on
+REPORT_PERIOD = 1.0  # s, of diagnostics
+LARGEST_LEAD = 0.05  # s, by which simulated time may be ahead: the driver moves joints by estimates
+
+DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+
+
+class HeardTopic(NamedTuple):
+    """A topic that a node listens to."""
+
+    name: str
+    type: type
+    qos: QoSProfile = DEEP
+
+
+JOINT_STATES = HeardTopic("joint_states", JointState)
+PRESSURES = HeardTopic("cylinder_pressures", CylinderPressures)
+COMMANDS = HeardTopic("valve_command", ValveCommand)
+OUTPUTS = HeardTopic("valve_output", ValveCommand)
 
 
 class Stamped(NamedTuple, Generic[M]):
@@ -41,12 +64,13 @@ class Stamped(NamedTuple, Generic[M]):
 
 
 class InOrder(Generic[M]):
-    """Holds messages back until every topic that talks has come as far, or is late by `longest` ns.
+    """Messages of several topics in the order of their stamps, whatever delay each topic has.
 
-    A valve command that arrives a moment after the pressures that it made is so put before them.
+    Holds messages back until every topic that talks has come as far, or is late by `longest` ns. A
+    valve command that arrives a moment after the pressures that it made is so put before them.
     """
 
-    def __init__(self, longest: int = LONGEST) -> None:
+    def __init__(self, longest: int = LONGEST_WAIT) -> None:
         self._longest = longest
         self._held: list[Stamped[M]] = []
         self._newest: dict[int, int] = {}  # ns, by topic
@@ -61,31 +85,11 @@ class InOrder(Generic[M]):
         if not self._held:
             return []
         latest = max(self._newest.values())
-        talking = [newest for newest in self._newest.values() if latest - newest < self._longest]
-        until = min(talking)
-        self._held.sort(key=lambda one: one[:2])
-        count = sum(one.stamp <= until for one in self._held)
+        until = min(newest for newest in self._newest.values() if latest - newest < self._longest)
+        self._held.sort(key=lambda held: held[:2])
+        count = sum(held.stamp <= until for held in self._held)
         taken, self._held = self._held[:count], self._held[count:]
         return taken
-
-
-# Topics of the observers: names, qualities, from messages to readings and back.
-
-JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
-OUTPUTS = "valve_output"
-DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-LATCHED = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-
-
-def report_message(found: DiagnosticStatus, stamp: Time) -> DiagnosticArray:
-    """What a node says of itself."""
-    message = DiagnosticArray(status=[found])
-    message.header.stamp = stamp
-    return message
 
 
 def picked(joints: Sequence[str], names: Sequence[str], values: Sequence[float]) -> Array:
@@ -94,22 +98,17 @@ def picked(joints: Sequence[str], names: Sequence[str], values: Sequence[float])
     return np.array([given.get(joint, np.nan) for joint in joints], dtype=float)
 
 
-def states_message(joints: Sequence[str], told: Told, stamp: int) -> JointState:
+def states_message(joints: Sequence[str], told: WindowEstimate, stamp: int) -> JointState:
     """Position and velocity of the joints of the model."""
-    estimate = told.estimate
-    message = JointState(
-        name=list(joints),
-        position=estimate.position.tolist(),
-        velocity=estimate.velocity.tolist(),
-    )
+    position, velocity = told.estimate.position.tolist(), told.estimate.velocity.tolist()
+    message = JointState(name=list(joints), position=position, velocity=velocity)
     message.header.stamp = stamp_of(stamp)
     return message
 
 
-def estimate_message(joints: Sequence[str], told: Told, stamp: int) -> PositionEstimate:
-    """How far they are to be believed."""
-    estimate = told.estimate
-    deviation = estimate.deviation
+def estimate_message(joints: Sequence[str], told: WindowEstimate, stamp: int) -> PositionEstimate:
+    """The same, and how far they are to be believed."""
+    estimate, deviation = told.estimate, told.estimate.deviation
     message = PositionEstimate(
         name=list(joints),
         position=estimate.position.tolist(),
@@ -128,21 +127,20 @@ def estimate_message(joints: Sequence[str], told: Told, stamp: int) -> PositionE
 
 def findings_message(findings: Sequence[SensorFinding], zero: int) -> SensorFindings:
     """All of them; their times count from `zero` [ns]."""
-
     message = SensorFindings(
-        sensor=[one.sensor for one in findings],
-        joint=[_joint(one) for one in findings],
-        kind=[str(one.kind) for one in findings],
-        unit=[one.unit for one in findings],
-        size=[one.size for one in findings],
-        low=[one.low for one in findings],
-        high=[one.high for one in findings],
-        onset=[zero / NANOSECONDS + one.onset for one in findings],
-        dangerous=[one.dangerous for one in findings],
-        what_to_do=[one.what_to_do for one in findings],
+        sensor=[finding.sensor for finding in findings],
+        joint=[_joint(finding) for finding in findings],
+        kind=[str(finding.kind) for finding in findings],
+        unit=[finding.unit for finding in findings],
+        size=[finding.size for finding in findings],
+        low=[finding.low for finding in findings],
+        high=[finding.high for finding in findings],
+        onset=[zero / NANOSECONDS + finding.onset for finding in findings],
+        dangerous=[finding.dangerous for finding in findings],
+        what_to_do=[finding.what_to_do for finding in findings],
     )
     if findings:
-        newest = max(one.found for one in findings)
+        newest = max(finding.found for finding in findings)
         message.header.stamp = stamp_of(zero + round(newest * NANOSECONDS))
     return message
 
@@ -154,25 +152,20 @@ def _joint(finding: SensorFinding) -> str:
     return "" if finding.part is Part.SUPPLY else finding.joint
 
 
-def load_message(weighing: Weighing, zero: int) -> TipLoad:
+def load_message(payload: PayloadEstimate, zero: int) -> TipLoad:
     """What hangs at the tip; its time counts from `zero` [ns]."""
-    load = weighing.load
+    load = payload.load
     message = TipLoad(
         load=load.mass,
         std_dev=load.deviation,
         centre=load.centre,
         centre_std_dev=load.centre_deviation,
-        moved=weighing.moved,
-        changed=weighing.changed,
-        condition=weighing.condition.name,
+        moved=payload.moved,
+        changed=payload.changed,
+        condition=payload.condition.name,
     )
-    message.header.stamp = stamp_of(zero + round(weighing.time * NANOSECONDS))
+    message.header.stamp = stamp_of(zero + round(payload.time * NANOSECONDS))
     return message
-
-
-PUBLISH = 1.0  # s, of diagnostics
-AHEAD = 0.05  # s, by which simulated time may be ahead: the driver moves joints by estimates
-HeardTopic: TypeAlias = tuple[str, type, QoSProfile]
 
 
 class ObserverNode(LifecycleNode):
@@ -188,6 +181,7 @@ class ObserverNode(LifecycleNode):
         heard: Sequence[HeardTopic],
         visit: float,
         tells: str,
+        longest_wait: int = LONGEST_WAIT,
     ):
         """`heard` is looked at every `visit` s; `tells` names the status on /diagnostics."""
         super().__init__(name)
@@ -199,12 +193,14 @@ class ObserverNode(LifecycleNode):
         self._pacing: Pacing | None = None
         self._back = TimeBack()
         self._set_backs = 0  # that were told
-        self._heard, self._tells = heard, tells
+        self._heard, self._tells, self._longest_wait = heard, tells, longest_wait
+        self._came: InOrder[Any] = InOrder(longest_wait)
+        self.zero: int | None = None  # ns, stamp of the first message
         self._queues: list[Polled] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(visit, self._visit, clock=steady)
-        self.create_timer(PUBLISH, self._report, clock=steady)
+        self.create_timer(REPORT_PERIOD, self._report, clock=steady)
 
     def read(self) -> None:
         """Files and parameters; `CraneError` or `OSError` keeps the node unconfigured."""
@@ -216,18 +212,23 @@ class ObserverNode(LifecycleNode):
 
     def end(self) -> None:
         """After everything was heard."""
-
-    def hear(self, topic: int, message: Any) -> None:
-        """A message of the topic at this place of those that are heard."""
         raise NotImplementedError
 
-    def tell(self) -> None:
-        """What follows from what was heard since the last visit."""
+    def counts(self, topic: HeardTopic, message: Any) -> bool:
+        """Whether a message that has just come is to be taken."""
+        return True
+
+    def take(self, stamp: int, topic: HeardTopic, message: Any) -> None:
+        """A message whose turn it is, with its stamp [ns]."""
         raise NotImplementedError
 
     def report(self, status: DiagnosticStatus) -> None:
         """How an active node is doing, into a status that is OK and says nothing yet."""
         raise NotImplementedError
+
+    def seconds(self, stamp: int) -> float:
+        """Time of a stamp [ns] since the first message [s]."""
+        return (stamp - (self.zero or 0)) / NANOSECONDS
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read; refused where that fails."""
@@ -242,11 +243,11 @@ class ObserverNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen; nothing is known yet."""
         activated = super().on_activate(state)
-        self._queues = [Polled(self, msgtype, topic, qos) for topic, msgtype, qos in self._heard]
+        self._queues = [Polled(self, topic.type, topic.name, topic.qos) for topic in self._heard]
         self._back, self._set_backs = TimeBack(), 0
-        self.begin()
+        self._begin()
         self._active = True
-        self._pacing = Pacing(self, self.clock, AHEAD)
+        self._pacing = Pacing(self, self.clock, LARGEST_LEAD)
         say_ready(self)
         return activated
 
@@ -270,6 +271,10 @@ class ObserverNode(LifecycleNode):
         self._finish()
         return super().on_shutdown(state)
 
+    def _begin(self) -> None:
+        self._came, self.zero = InOrder(self._longest_wait), None
+        self.begin()
+
     def _finish(self) -> None:
         if self._active:
             self._active = False
@@ -278,16 +283,20 @@ class ObserverNode(LifecycleNode):
     def _visit(self) -> None:
         if not self._active:
             return
-        for topic, queue in enumerate(self._queues):
+        for place, (topic, queue) in enumerate(zip(self._heard, self._queues, strict=True)):
             for message, _ in queue.take():
-                if self._back.comes(self._heard[topic][0], nanoseconds(message.header.stamp)):
+                stamp = nanoseconds(message.header.stamp)
+                if self._back.comes(topic.name, stamp):
                     if self._back.times != self._set_backs:
                         self._set_backs = self._back.times
                         self.get_logger().warning(str(self._back))
                     self.end()
-                    self.begin()
-                self.hear(topic, message)
-        self.tell()
+                    self._begin()
+                if self.counts(topic, message):
+                    self._came.add(stamp, place, message)
+        for stamp, place, message in self._came.take():
+            self.zero = stamp if self.zero is None else self.zero
+            self.take(stamp, self._heard[place], message)
         if self._pacing is not None:
             self._pacing.taken()
 
@@ -300,4 +309,6 @@ class ObserverNode(LifecycleNode):
             tell_back(self._back, status)
         else:
             status.message = "not active"
-        self._diagnostics.publish(report_message(status, self.clock.stamp()))
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.clock.stamp()
+        self._diagnostics.publish(message)

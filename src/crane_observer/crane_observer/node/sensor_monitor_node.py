@@ -1,4 +1,4 @@
-"""`sensor_monitor`: which sensor is lying, as a managed node."""
+"""`sensor_monitor`: which sensor is faulty, as a managed node."""
 
 from collections.abc import Sequence
 from typing import TypeAlias
@@ -7,41 +7,31 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from crane_bags.clocks import NANOSECONDS
 from crane_interfaces.msg import CylinderPressures, SensorFindings, ValveCommand
 from crane_model.configuration import load
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed
-from crane_nodes.node_time import nanoseconds
-from crane_nodes.parameters import NodeParameter, Text
+from crane_nodes.parameters import MACHINE, NodeParameter, Text
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.replay import Heed, SensorWatch
 from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.node.observer_node import (
     COMMANDS,
-    DEEP,
     JOINT_STATES,
     LATCHED,
     OUTPUTS,
     PRESSURES,
-    InOrder,
+    HeardTopic,
     ObserverNode,
     findings_message,
     picked,
 )
 
 Heard: TypeAlias = JointState | CylinderPressures | ValveCommand
-HEARD = (
-    (JOINT_STATES, JointState, DEEP),
-    (PRESSURES, CylinderPressures, DEEP),
-    (COMMANDS, ValveCommand, DEEP),
-    (OUTPUTS, ValveCommand, DEEP),
-)
-ASKED, SENT = 2, 3  # places of what the driver was asked for, and of what it sent to the valves
-VISIT = 0.01  # s between two visits to the queues
-SILENCE = 0.5  # s without a sample that could be compared
+HEARD = (JOINT_STATES, PRESSURES, COMMANDS, OUTPUTS)
+MONITOR_VISIT = 0.01  # s between two visits to the queues
+MONITOR_SILENCE = 0.5  # s without a sample that could be compared
 
 MODEL = Text(
     "model",
@@ -58,14 +48,12 @@ PARAMETERS: tuple[NodeParameter, ...] = (AUTOSTART, MACHINE, MODEL, TOLERANCE)
 
 
 class SensorMonitorNode(ObserverNode):
-    """Compares encoders, pressures and commands, and tells which of them lies."""
+    """Compares encoders, pressures and commands, and tells which of them is faulty."""
 
     def __init__(self) -> None:
-        super().__init__("sensor_monitor", PARAMETERS, HEARD, VISIT, "sensors")
+        super().__init__("sensor_monitor", PARAMETERS, HEARD, MONITOR_VISIT, "sensors")
         self._watch: SensorWatch | None = None
-        self._came: InOrder[Heard] = InOrder()
         self._outputs_heard = False  # the driver tells what it sends to the valves
-        self._zero: int | None = None
         self._compared = 0.0
         self._findings = self.create_lifecycle_publisher(SensorFindings, "sensor_findings", LATCHED)
         self.create_service(Trigger, "~/forget", self._forget)
@@ -79,35 +67,33 @@ class SensorMonitorNode(ObserverNode):
 
     def begin(self) -> None:
         """Nothing has been found yet, which is told to who heard of a monitor before."""
-        self._came, self._outputs_heard = InOrder(), False
-        self._watch, self._zero = SensorWatch(self._model, self._tolerance), None
+        self._outputs_heard = False
+        self._watch = SensorWatch(self._model, self._tolerance)
         self._publish()
 
     def end(self) -> None:
         """What was found is forgotten."""
         self._watch = None
 
-    def hear(self, topic: int, message: Heard) -> None:
-        """In the order of stamps, whatever came first."""
-        self._outputs_heard = self._outputs_heard or topic == SENT
-        if not (self._outputs_heard and topic == ASKED):  # the driver tells what it made of it
-            self._came.add(nanoseconds(message.header.stamp), topic, message)
+    def counts(self, topic: HeardTopic, message: Heard) -> bool:
+        """Commands that were asked for do not, once the driver tells what it made of them."""
+        self._outputs_heard = self._outputs_heard or topic is OUTPUTS
+        return not (self._outputs_heard and topic is COMMANDS)
 
-    def tell(self) -> None:
+    def take(self, stamp: int, topic: HeardTopic, message: Heard) -> None:
         """What was found."""
-        for stamp, _, message in self._came.take():
-            for finding in self._take(stamp, message):
-                self.get_logger().error(str(finding))
-                self._publish()
+        for finding in self._found(self.seconds(stamp), message):
+            self.get_logger().error(str(finding))
+            self._publish()
 
     def report(self, status: DiagnosticStatus) -> None:
         """What was found, or how near it is."""
         assert self._watch is not None
         if findings := self._watch.monitor.findings:
             status.level = DiagnosticStatus.ERROR
-            status.message = "; ".join(f"{one.sensor}: {one.kind}" for one in findings)
-            status.values = [KeyValue(key=one.sensor, value=str(one)) for one in findings]
-        elif self.clock.now() - self._compared > SILENCE:
+            status.message = "; ".join(f"{finding.sensor}: {finding.kind}" for finding in findings)
+            status.values = [KeyValue(key=found.sensor, value=str(found)) for found in findings]
+        elif self.clock.now() - self._compared > MONITOR_SILENCE:
             status.level, status.message = DiagnosticStatus.WARN, Heed.WAITING.value
         else:
             status.message = self._watch.condition.value
@@ -129,12 +115,9 @@ class SensorMonitorNode(ObserverNode):
         self._publish()
         return answer
 
-    def _take(self, stamp: int, message: Heard) -> list[SensorFinding]:
+    def _found(self, seconds: float, message: Heard) -> list[SensorFinding]:
         assert self._watch is not None
         joints, watched = self._model.joints, self._watch
-        if self._zero is None:
-            self._zero = stamp
-        seconds = (stamp - self._zero) / NANOSECONDS
         match message:
             case JointState():
                 return watched.add_encoders(seconds, picked(joints, message.name, message.position))
@@ -155,14 +138,14 @@ class SensorMonitorNode(ObserverNode):
 
     def _publish(self) -> None:
         assert self._watch is not None
-        self._findings.publish(findings_message(self._watch.monitor.findings, self._zero or 0))
+        self._findings.publish(findings_message(self._watch.monitor.findings, self.zero or 0))
 
 
 ABOUT = """Compares encoders in joint_states, cylinder_pressures and valve_output (without a driver
 that tells it valve_command) by a model with hydraulics; by one without them, watches each sensor by
-itself. Publishes sensor_findings: which sensor lies, how, how much, since when, what to do."""
+itself. Publishes sensor_findings: which sensor is faulty, how, how much, since when, what to do."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Tell which sensor is lying."""
+    """Tell which sensor is faulty."""
     return run_managed("sensor_monitor", SensorMonitorNode, ABOUT, PARAMETERS, argv)

@@ -1,12 +1,11 @@
-"""What flows into the chambers over a window of some samples, compiled.
+"""What flows into the chambers over a window of some samples, in compiled code.
 
-Commands are followed through the valves as `crane_model.hydraulics.stepping` has them, and what
-passes the metering edges is the flow there, at the measured pressures. Whatever
-depends on the position is left to the caller: sums of a window hold for every pose.
+Commands are followed through the valves as in `crane_model.hydraulics.stepping`; the flow through
+the metering edges is that at the measured pressures. Sums of a window do not depend on the pose.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,36 +15,44 @@ from numpy.typing import NDArray
 from crane_model.array import Array, Flags
 from crane_model.cylinders import lever_arm
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics.stepping import Circuit, chamber_flows, opening, transition
-from crane_model.hydraulics.values import (
+from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
     JointHydraulics,
     Measured,
     ValveValues,
 )
+from crane_model.hydraulics.simulation import circuit_of, identified
+from crane_model.hydraulics.stepping import Circuit, chamber_flows, opening, transition
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_model.whole_crane import circuit_of, identified
 
-# Valves that nobody identified: taken as plausible, and doubted as far as valves differ.
-#
-# A spool command says which way a joint moves, and roughly how fast; where it is, its weight must
-# tell. With its encoder, or by its weight, the valve is learnt while the crane works.
+MOST_BY_WEIGHT = 1  # joints without encoder, whose positions the weight of all discriminates
 
-MOST_BY_WEIGHT = 1  # joints without encoder, which the weight of all tells apart
-OVERSIZED = 3.0  # times the fastest that a joint may move, what a valve lets it at full opening
-GAIN_DOUBT = 0.8  # of the flow, one standard deviation
-GAIN_STAYS = 3.0  # s: at other openings it is another one
-LOAD_DRIFT = 5.0  # kg/sqrt(s)
-NULL_DOUBT = 0.03  # of the stroke
-STROKE_DOUBT = 0.1  # of the stroke of a window, beside these
-DEAD_ZONE = 0.05  # of the stroke
-LAG = 0.05  # s
-FREQUENCY = 60.0  # rad/s
-DAMPING = 1.0
-BULK_MODULUS = 1.2e9  # Pa
-DEAD_VOLUME = 0.05  # of what a piston sweeps
+
+@dataclass(frozen=True)
+class AssumedValve:
+    """A valve that nobody identified: plausible values, and how far valves differ from them.
+
+    A valve command says which way a joint moves, and roughly how fast; the position must come from
+    its weight. With an encoder, or by its weight, the valve is learnt while the crane works.
+    """
+
+    oversized: float = 3.0  # speed at full opening over the fastest that the joint may move
+    gain_doubt: float = 0.8  # of the flow, one standard deviation
+    gain_stays: float = 3.0  # s: at other openings it is another one
+    load_drift: float = 5.0  # kg/sqrt(s)
+    null_doubt: float = 0.03  # of the stroke
+    stroke_doubt: float = 0.1  # of the stroke of a window, beside these
+    dead_zone: float = 0.05  # of the stroke
+    lag: float = 0.05  # s
+    natural_frequency: float = 60.0  # rad/s
+    damping_ratio: float = 1.0
+    bulk_modulus: float = 1.2e9  # Pa
+    dead_volume: float = 0.05  # of what a piston sweeps
+
+
+ASSUMED_VALVE = AssumedValve()
 
 
 class Served(NamedTuple):
@@ -56,9 +63,7 @@ class Served(NamedTuple):
 
     @classmethod
     def of(cls, model: Model) -> "Served":
-        """`ConfigurationError` where it has no machine, or where chambers of a joint have no
-        pressure transducers.
-        """
+        """Raise `ConfigurationError` if there is no machine, or no transducers at a chamber."""
         if model.machine is None:
             raise ConfigurationError(
                 f"model '{model.name}' names no machine file, which has levers and areas of its "
@@ -69,64 +74,71 @@ class Served(NamedTuple):
         for j, joint in enumerate(model.joints):
             values = joints.get(joint)
             if values is None or values.chambers is None:
-                assumed[j], joints[joint] = True, _plausible(model.machine, joint)
+                assumed[j], joints[joint] = True, _assumed(model.machine, joint)
         return cls(replace(model, hydraulics=known.model_copy(update={"joints": joints})), assumed)
 
 
-def _plausible(machine: Machine, joint: str) -> JointHydraulics:
+def _assumed(machine: Machine, joint: str) -> JointHydraulics:
     limits, cylinder = machine.limits[joint], machine.cylinders.get(joint)
     if cylinder is None or not cylinder.pressure_sensors:
         raise ConfigurationError(
             f"{joint}: it has no chambers with pressure transducers (pressure_sensors in the "
             "machine file), by which its weight could tell where it is; leave it out of the model"
         )
+    valve, chambers = ASSUMED_VALVE, cylinder.chambers
     q = np.linspace(limits.position_min, limits.position_max, 21)
     lever = float(np.median(np.abs(lever_arm(machine, joint, q))))
-    fastest = OVERSIZED * lever * min(-limits.velocity_min, limits.velocity_max)
+    fastest = valve.oversized * lever * min(-limits.velocity_min, limits.velocity_max)
     area = (cylinder.area_a + cylinder.area_b) / 2.0
     gain = fastest * area / np.sqrt(machine.hydraulics.supply_pressure / 2.0)
-    swept = cylinder.chambers.empty_b - cylinder.chambers.empty_a
+    swept = chambers.empty_b - chambers.empty_a
     values = {
-        "dead_zone_a": DEAD_ZONE, "dead_zone_b": DEAD_ZONE, "hysteresis": 0.0, "lag": LAG,
-        "natural_frequency": FREQUENCY, "damping_ratio": DAMPING, "supply_a": gain, "a_tank": gain,
-        "supply_b": gain, "b_tank": gain, "bulk_modulus": BULK_MODULUS, "leakage": 0.0,
-        "dead_volume_a": DEAD_VOLUME * swept * cylinder.chambers.growth_a,
-        "dead_volume_b": DEAD_VOLUME * swept * cylinder.chambers.growth_b,
+        "dead_zone_a": valve.dead_zone, "dead_zone_b": valve.dead_zone, "hysteresis": 0.0,
+        "lag": valve.lag, "natural_frequency": valve.natural_frequency,
+        "damping_ratio": valve.damping_ratio, "bulk_modulus": valve.bulk_modulus, "leakage": 0.0,
+        "supply_a": gain, "a_tank": gain, "supply_b": gain, "b_tank": gain,
+        "dead_volume_a": valve.dead_volume * swept * chambers.growth_a,
+        "dead_volume_b": valve.dead_volume * swept * chambers.growth_b,
     }  # fmt: skip
 
-    def part(kind: type[ValveValues] | type[ChamberValues]) -> dict[str, Measured]:
+    def measured(kind: type[ValveValues] | type[ChamberValues]) -> dict[str, Measured]:
         return {name: Measured(value=values[name], unit=unit) for name, unit in kind.units.items()}
 
     return JointHydraulics(
-        valve=ValveValues(**part(ValveValues)),
-        chambers=ChamberValues(**part(ChamberValues)),
-        unexplained=GAIN_DOUBT,
+        valve=ValveValues(**measured(ValveValues)),
+        chambers=ChamberValues(**measured(ChamberValues)),
+        unexplained=valve.gain_doubt,
     )
 
 
-PARTS = 4  # of the interval between two samples of pressure, over which a spool is taken to stand
+FLOW_SUMS = np.dtype(
+    [
+        ("flow", float, 2),  # m3 into A and B
+        ("null", float, 2),  # m3, by how much they grow for a null of 1
+        ("drop", float, 2),  # m3/Pa, the same for pressures that are off
+        ("lost", float, 2),  # s in which the flow is not known
+        ("sooner", float, 2),  # m3/s, by how much it grows for a spool that moves 1 s sooner
+        ("edge", float, 2),  # m3 through edges of which it is not sure whether they are open
+        ("faint", float, 2),  # s in which an open edge has next to no drop
+        ("wide", float, 2),  # m3/Pa^0.5 for a drop of 1 Pa over the edge that is open
+        ("impulse", float),  # N s of the piston
+        ("moment", float),  # N s2, the same times the time since the window began
+        ("extending", float),  # s with A fed, less those with B fed
+    ]
+)
+"""Sums over a window of a joint; those of two are of the chambers A and B."""
+SPOOL = np.dtype([("position", float), ("rate", float), ("edge", float)])
+"""Where a spool stands, how fast it moves, and where its edges are behind its play."""
+
+PARTS_PER_INTERVAL = 4  # between two samples, in each of which a spool is taken to stand
 HELD_COMMANDS = 512  # some seconds of them, in which pressures may be lost
-
-(
-    FLOW_A, FLOW_B, NULL_A, NULL_B, DROP_A, DROP_B, FORCE, LATER, OPEN, LOST_A, LOST_B, SOON_A,
-    SOON_B, EDGE_A, EDGE_B, FAINT_A, FAINT_B, WIDE_A, WIDE_B,
-) = range(19)  # fmt: skip
-"""Sums over a window: flow into A and B [m3]; what each grows by for a null of 1 [m3] and for
-pressures off by 1 Pa [m3/Pa]; the piston's impulse [N s], and that
-times the time since the window began [N s2]; time with A fed less with B fed [s];
-time in which what flows into A and B is not known [s]; what each grows by for a spool that moves
-1 s sooner [m3/s]; what flows through edges that open by their play, while it is not sure whether
-they are open [m3]; time in which an open edge of A and B has next to no drop [s]; what would flow
-into A and B for a drop of 1 Pa over the edge that is open [m3/Pa^0.5]."""
-SUMS = 19
-
-SUCKED = 0.5e5  # Pa above that of the tank, below which a chamber may be filled past its valve
-FAINT = 3e5  # Pa, a drop that noise and zeros of two transducers hardly tell from none
-FULL = 0.999  # of the largest pressure that a transducer shows, which may then be any larger one
+SUCTION_MARGIN = 0.5e5  # Pa above the tank, below which a chamber may be filled past its valve
+FAINT_DROP = 3e5  # Pa, that noise and zeros of two transducers hardly tell from none
+FULL_SCALE_SHARE = 0.999  # of the largest pressure shown, which may then be any larger one
 
 
 class Spools(NamedTuple):
-    """Of the valves of j joints; see `crane_model.hydraulics.values`."""
+    """Of the valves of j joints; see `crane_model.hydraulics`."""
 
     sense: Array  # (j,) +1 where extending the cylinder moves the joint in its positive direction
     delay: Array  # (j,) s
@@ -144,18 +156,12 @@ def spools_of(model: Model) -> Spools:
     rows = []
     for joint in model.joints:
         limits, valve = machine.limits[joint], known.joints[joint].valve
-        middle = (limits.position_min + limits.position_max) / 2.0
+        middle = np.array([(limits.position_min + limits.position_max) / 2.0])
+        sense = np.sign(lever_arm(machine, joint, middle)[0])
         rows.append(
-            (
-                np.sign(lever_arm(machine, joint, np.array([middle]))[0]),
-                valve.delay,
-                valve.spool_frequency,
-                valve.damping_ratio.value,
-                valve.hysteresis.value,
-                valve.dead_zone_a.value,
-                valve.dead_zone_b.value,
-            )
-        )
+            (sense, valve.delay, valve.spool_frequency, valve.damping_ratio.value,
+             valve.hysteresis.value, valve.dead_zone_a.value, valve.dead_zone_b.value)
+        )  # fmt: skip
     return Spools(*np.array(rows, dtype=float).T.copy())
 
 
@@ -185,7 +191,7 @@ class Commands(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def _in_force(commands: Commands, j: int, time: float) -> float:
-    """What joint j was told last before `time` [s]; 0 before the first command."""
+    """The last command of joint j before `time` [s]; 0 before the first command."""
     count = commands.came[0]
     for back in range(1, min(count, len(commands.stamp)) + 1):
         row = (count - back) % len(commands.stamp)
@@ -195,86 +201,74 @@ def _in_force(commands: Commands, j: int, time: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _beyond(before: float, after: float, tank: float, largest: float) -> bool:
-    """Whether one of two readings [Pa] may not be what is in the chamber, or what fills it."""
-    return min(before, after) < tank + SUCKED or max(before, after) > FULL * largest
-
-
-@njit(cache=True, error_model="numpy")
 def add_interval(
-    circuit: Circuit,
-    spools: Spools,
-    commands: Commands,
-    spool: Array,
-    since: float,
-    begin: float,
-    end: float,
-    before: Array,
-    after: Array,
-    supply: float,
-    largest: float,
-    sums: Array,
-) -> None:
-    """Add what flowed from `begin` to `end` [s] to `sums` (j, SUMS) of a window that began at
-    `since`, and move the spools on.
+    circuit: Circuit, spools: Spools, commands: Commands, spool: np.ndarray, since: float,
+    begin: float, end: float, before: Array, after: Array, supply: float, largest: float,
+    sums: np.ndarray,
+) -> None:  # fmt: skip
+    """Add what flowed from `begin` to `end` [s] to `sums` (j,), records FLOW_SUMS of a window that
+    began at `since`, and move the spools (j,), records SPOOL, on.
 
-    `spool` (j, 3): position, its rate and that of the edges. Pressures `before` and `after`
-    (2, j) [Pa] are of chambers A and B; `supply` [Pa] is that of the interval, and `largest`
-    [Pa] what a transducer can show.
+    Pressures `before` and `after` (2, j) [Pa] are of chambers A and B; `supply` [Pa] is that of the
+    interval, and `largest` [Pa] what a transducer can show.
     """
-    step = (end - begin) / PARTS
+    step = (end - begin) / PARTS_PER_INTERVAL
     for j in range(len(spools.sense)):
-        if _beyond(before[0, j], after[0, j], circuit.tank_pressure, largest):
-            sums[j, LOST_A] += end - begin
-        if _beyond(before[1, j], after[1, j], circuit.tank_pressure, largest):
-            sums[j, LOST_B] += end - begin
+        total, moved = sums[j], spool[j]
+        for chamber in range(2):
+            low = min(before[chamber, j], after[chamber, j])
+            high = max(before[chamber, j], after[chamber, j])
+            empty = low < circuit.tank_pressure + SUCTION_MARGIN
+            if empty or high > FULL_SCALE_SHARE * largest:
+                total.lost[chamber] += end - begin
         now = transition(spools.frequency[j], spools.damping[j], 0.5 * step)
         half = 0.5 * spools.play[j]
-        for part in range(PARTS):
+        for part in range(PARTS_PER_INTERVAL):
             middle = begin + (part + 0.5) * step
             target = spools.sense[j] * _in_force(commands, j, middle - spools.delay[j])
-            z = stood = spool[j, 2]
+            z = stood = moved.edge
             for second in range(2):
-                away, rate = spool[j, 0] - target, spool[j, 1]
-                spool[j, 0] = target + now[0] * away + now[1] * rate
-                spool[j, 1] = now[2] * away + now[3] * rate
-                spool[j, 2] = min(spool[j, 0] + half, max(spool[j, 0] - half, spool[j, 2]))
+                away, rate = moved.position - target, moved.rate
+                moved.position = target + now[0] * away + now[1] * rate
+                moved.rate = now[2] * away + now[3] * rate
+                moved.edge = min(moved.position + half, max(moved.position - half, moved.edge))
                 if second == 0:
-                    z = spool[j, 2]
-            share = (part + 0.5) / PARTS
+                    z = moved.edge
+            share = (part + 0.5) / PARTS_PER_INTERVAL
             p_a = before[0, j] + share * (after[0, j] - before[0, j])
             p_b = before[1, j] + share * (after[1, j] - before[1, j])
             o = opening(z, spools.dead_zone_a[j], spools.dead_zone_b[j])
             q_a, slope_a, q_b, slope_b = chamber_flows(circuit, j, o, p_a, p_b, supply)
             leak = circuit.leakage[j] * (p_a - p_b)
-            sums[j, FLOW_A] += step * (q_a - leak)
-            sums[j, FLOW_B] += step * (q_b + leak)
-            sums[j, DROP_A] += step * math.fabs(slope_a)
-            sums[j, DROP_B] += step * math.fabs(slope_b)
+            total.flow[0] += step * (q_a - leak)
+            total.flow[1] += step * (q_b + leak)
+            total.drop[0] += step * math.fabs(slope_a)
+            total.drop[1] += step * math.fabs(slope_b)
             piston = circuit.area_a[j] * p_a - circuit.area_b[j] * p_b  # (19)
-            sums[j, FORCE] += step * piston
-            sums[j, LATER] += step * piston * (middle - since)
+            total.impulse += step * piston
+            total.moment += step * piston * (middle - since)
             dead = spools.dead_zone_a[j] if z > 0.0 else spools.dead_zone_b[j]
             if math.fabs(math.fabs(z) - dead) < spools.play[j]:  # open or shut is not sure
                 wide = math.copysign(spools.play[j] / (1.0 - dead), z)
                 edge_a, _, edge_b, _ = chamber_flows(circuit, j, wide, p_a, p_b, supply)
-                sums[j, EDGE_A] += step * math.fabs(edge_a)
-                sums[j, EDGE_B] += step * math.fabs(edge_b)
-            if o != 0.0:
-                by_z_a, by_z_b = q_a / o / (1.0 - dead), q_b / o / (1.0 - dead)
-                sums[j, NULL_A] += step * by_z_a
-                sums[j, NULL_B] += step * by_z_b
-                sums[j, SOON_A] += (spool[j, 2] - stood) * by_z_a
-                sums[j, SOON_B] += (spool[j, 2] - stood) * by_z_b
-                sums[j, OPEN] += step if o > 0.0 else -step
-                beside_a, beside_b = supply, circuit.tank_pressure
-                gain_a, gain_b = circuit.supply_a[j], -circuit.b_tank[j]
-                if o < 0.0:
-                    beside_a, beside_b = beside_b, beside_a
-                    gain_a, gain_b = circuit.a_tank[j], -circuit.supply_b[j]
-                sums[j, WIDE_A] += step * gain_a * o
-                sums[j, WIDE_B] += step * gain_b * o
-                if math.fabs(beside_a - p_a) < FAINT:
-                    sums[j, FAINT_A] += step
-                if math.fabs(beside_b - p_b) < FAINT:
-                    sums[j, FAINT_B] += step
+                total.edge[0] += step * math.fabs(edge_a)
+                total.edge[1] += step * math.fabs(edge_b)
+            if o == 0.0:
+                continue
+            by_z_a, by_z_b = q_a / o / (1.0 - dead), q_b / o / (1.0 - dead)
+            total.null[0] += step * by_z_a
+            total.null[1] += step * by_z_b
+            total.sooner[0] += (moved.edge - stood) * by_z_a
+            total.sooner[1] += (moved.edge - stood) * by_z_b
+            total.extending += step if o > 0.0 else -step
+            beyond_a, beyond_b = supply, circuit.tank_pressure
+            gain_a, gain_b = circuit.supply_a[j], -circuit.b_tank[j]
+            if o < 0.0:
+                beyond_a, beyond_b = beyond_b, beyond_a
+                gain_a, gain_b = circuit.a_tank[j], -circuit.supply_b[j]
+            total.wide[0] += step * gain_a * o
+            total.wide[1] += step * gain_b * o
+            if math.fabs(beyond_a - p_a) < FAINT_DROP:
+                total.faint[0] += step
+            if math.fabs(beyond_b - p_b) < FAINT_DROP:
+                total.faint[1] += step

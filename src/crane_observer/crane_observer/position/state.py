@@ -1,32 +1,44 @@
-"""What is estimated, and how far it is trusted."""
+"""What is estimated, how far it is trusted, and the belief in it: an extended Kalman filter."""
 
+import math
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from crane_model.array import Array
 from crane_model.model_file import Model
 
-# What the filter is given and what it tells, a window of time at once; j joints.
+FRICTION_DOUBT_OF_POOR_MODEL = 0.01  # standard deviation over value
+UNEXPLAINED_OF_TRUST = 0.01  # of a flow, rms, in a model whose flow deviates as `Trust` has it
+FLOW_SHARES = (0.02, 4.0)  # of these deviations, at least and at most
+GAIN_LEFTOVER = 0.15  # of what an offset of a transducer does to flow, that gains do not take up
+LEAST_TRUST_SHARE = 0.058  # of the deviations, of a model without any lack of fit
+DOUBT_POWER = 1.5  # of the doubt in friction with which what a fit leaves unexplained grows
+NOISE_PROBABILITY = 0.01  # from which on what is unexplained of a flow is noise of readings
+NUDGE = 1e-4  # rad, rad/s, m or m/s, for slopes
+STANDING = 0.02  # of the fastest that a joint may move, below which it counts as standing
+MISSING_LOAD = 10.0  # kg that may be missing at the tip, of what the model has there
 
 
 class FlowWindow(NamedTuple):
-    """What was measured in it."""
+    """What was measured of j joints in a window of time."""
 
     time: float  # s, at its end
     duration: float  # s
-    sums: Array  # (j, SUMS) of `crane_observer.position.flow`
+    sums: np.ndarray  # (j,) records FLOW_SUMS of `crane_observer.position.flow`
     before: Array  # (2, j) Pa in chambers A and B as it began
     after: Array  # (2, j) Pa as it ended
     encoders: Array  # (j,) rad or m at its end; NaN where there is none
-    blind: Array  # (j,) s of it in which what flowed is not known
+    blind: Array  # (j,) s of it in which the flow is not known
     whole: bool  # pressures were measured all the time
 
 
 class PoseEstimate(NamedTuple):
-    """What is known after it."""
+    """What is known of j joints after a window."""
 
     time: float  # s
     position: Array  # (j,)
@@ -41,53 +53,40 @@ class PoseEstimate(NamedTuple):
         return np.sqrt(np.diag(self.covariance))
 
 
-DOUBTFUL = (
-    0.01  # of friction, its standard deviation in a model that is trusted as little as can be
-)
-UNEXPLAINED = 0.01  # of a flow, rms, in a model whose flow deviates as `Trust` has it
-FLOW_SHARES = (0.02, 4.0)  # of these deviations, at least and at most
-UNEVEN = 0.15  # of what an offset of a transducer does to flow, that gains do not take up
-LEAST = 0.058  # of the deviations of such a model, those of one without any lack of fit
-SHARPENED = 1.5  # power of the doubt in friction with which what a fit leaves unexplained grows
-NOISE_ALONE = 0.01  # probability, from which on what is unexplained of a flow is noise of readings
+class StateLayout(NamedTuple):
+    """Where the states of j joints stand in a vector of `size`; slices are by joint.
 
-
-@dataclass(frozen=True)
-class StateLayout:
-    """Where the states of j joints stand: of each joint eight, the load at the tip, and two more.
-
-    Coordinates [rad, m]; errors of the flow gain where the cylinder extends and where it retracts
-    [1]; null of the valve [of the stroke]; error of the piston's force, as one of pressure in
-    chamber A [Pa]; error of dry and of viscous friction [of what the model has]; friction by which
-    a joint is held while it stands [of dry friction]; load [kg]; and, not estimated but considered,
-    by how much the transducers of chambers A and B are off [of what they are trusted].
+    The last two kinds are not estimated but considered.
     """
 
     joints: int
+    position: slice  # rad, m
+    extending: slice  # error of the flow gain where the cylinder extends
+    retracting: slice  # and where it retracts
+    null: slice  # of the valve, of the stroke
+    pressure: slice  # error of the piston's force, as of pressure in chamber A [Pa]
+    dry: slice  # error of dry friction, of that of the model
+    viscous: slice  # error of viscous friction, of that of the model
+    held: slice  # friction that holds a joint which stands, of dry friction
+    load: int  # at the tip [kg]
+    offset_a: slice  # of the transducers of chambers A, of what they are trusted
+    offset_b: slice  # the same of chambers B
+    size: int
 
-    @property
-    def size(self) -> int:
-        """How many states there are."""
-        return KINDS * self.joints + 1
-
-    def of(self, kind: int) -> slice:
-        """The states of one kind, by joint: POSITION, EXTENDING, ..., OFFSET_B."""
-        begin = kind * self.joints + (kind >= ESTIMATED)
-        return slice(begin, begin + self.joints)
-
-    @property
-    def load(self) -> int:
-        """The place of the load."""
-        return ESTIMATED * self.joints
+    @classmethod
+    def of(cls, joints: int) -> "StateLayout":
+        """Return the layout for a number of joints."""
+        estimated = cls._fields[1 : cls._fields.index("load")]
+        load = len(estimated) * joints
+        begins = {name: kind * joints for kind, name in enumerate(estimated)}
+        begins |= {"offset_a": load + 1, "offset_b": load + 1 + joints}
+        kinds = {name: slice(begin, begin + joints) for name, begin in begins.items()}
+        return cls(joints=joints, load=load, size=len(kinds) * joints + 1, **kinds)
 
     @property
     def told(self) -> NDArray[np.int64]:
         """(j + 1,) the places of coordinates and load."""
         return np.append(np.arange(self.joints), self.load)
-
-
-POSITION, EXTENDING, RETRACTING, NULL, PRESSURE, DRY, VISCOUS, HELD, OFFSET_A, OFFSET_B = range(10)
-KINDS, ESTIMATED = 10, 8
 
 
 @dataclass(frozen=True)
@@ -126,8 +125,9 @@ class Trust:
                 continue
             for k, parameter in enumerate(term.parameters(model.setting), start=part.start):
                 if parameter.minimum == 0.0 and model.theta[k] > 0.0:
-                    doubts.append(float(model.std_devs[k] / model.theta[k]) / DOUBTFUL)
-        return cls().times(min(max(LEAST, max(doubts) ** SHARPENED), 1.0))
+                    doubt = float(model.std_devs[k] / model.theta[k])
+                    doubts.append(doubt / FRICTION_DOUBT_OF_POOR_MODEL)
+        return cls().times(min(max(LEAST_TRUST_SHARE, max(doubts) ** DOUBT_POWER), 1.0))
 
     def times(self, share: float) -> "Trust":
         """With a share of each deviation that a model is to blame for."""
@@ -135,52 +135,195 @@ class Trust:
         return replace(self, **{name: share * getattr(self, name) for name in blamed})
 
     def spread(self, layout: StateLayout) -> Array:
-        """(size,) standard deviations that states have where nothing is known; 0 of positions and
-        of the load, which come with what is known of the start.
+        """(size,) standard deviations of states of which nothing is known; 0 of positions and load,
+        which come with the start.
         """
         found = np.zeros(layout.size)
-        found[layout.of(EXTENDING)] = found[layout.of(RETRACTING)] = self.gain
-        found[layout.of(NULL)] = self.null
-        found[layout.of(PRESSURE)] = self.pressure
-        found[layout.of(DRY)] = self.dry
-        found[layout.of(VISCOUS)] = self.viscous
-        found[layout.of(HELD)] = self.held
-        found[layout.of(OFFSET_A)] = found[layout.of(OFFSET_B)] = 1.0
+        found[layout.extending] = found[layout.retracting] = self.gain
+        found[layout.null] = self.null
+        found[layout.pressure] = self.pressure
+        found[layout.dry] = self.dry
+        found[layout.viscous] = self.viscous
+        found[layout.held] = self.held
+        found[layout.offset_a] = found[layout.offset_b] = 1.0
         return found
 
     def stay(self, layout: StateLayout) -> Array:
         """(size,) s that an error stays, of those that come and go; infinite of the others."""
         found = np.full(layout.size, np.inf)
-        found[layout.of(EXTENDING)] = found[layout.of(RETRACTING)] = self.stays
-        found[layout.of(NULL)] = self.stays
-        found[layout.of(OFFSET_A)] = found[layout.of(OFFSET_B)] = self.stays
-        found[layout.of(PRESSURE)] = self.pressure_stays
-        found[layout.of(DRY)] = found[layout.of(VISCOUS)] = self.friction_stays
+        found[layout.extending] = found[layout.retracting] = found[layout.null] = self.stays
+        found[layout.offset_a] = found[layout.offset_b] = self.stays
+        found[layout.pressure] = self.pressure_stays
+        found[layout.dry] = found[layout.viscous] = self.friction_stays
         return found
 
 
 def flow_share(model: Model) -> Array:
-    """(j,) share of the deviations of flow: as much as identification left unexplained, where that
-    is more than noise.
+    """(j,) share of the deviations of flow: as much as identification left unexplained, if that is
+    more than noise.
     """
     assert model.hydraulics is not None  # or the error that names the remedy
     joints = [model.hydraulics.joints[joint] for joint in model.joints]
-    noise = [one.lack_of_fit is not None and one.lack_of_fit > NOISE_ALONE for one in joints]
-    left = np.array([one.unexplained for one in joints])
-    return np.clip(np.where(noise, 0.0, left / UNEXPLAINED), *FLOW_SHARES)
+    noise = [joint.lack_of_fit is not None and joint.lack_of_fit > NOISE_PROBABILITY
+             for joint in joints]  # fmt: skip
+    left = np.array([joint.unexplained for joint in joints])
+    return np.clip(np.where(noise, 0.0, left / UNEXPLAINED_OF_TRUST), *FLOW_SHARES)
 
 
 def null_deviation(model: Model, least: Array) -> Array:
-    """(j,) of the stroke: by which either null may be off, as identification has dead zones and
-    play, and `least` (j,) beside it.
+    """(j,) of the stroke: by which either null may be off, from the standard deviations of dead
+    zones and play, and `least` (j,) beside these.
     """
     assert model.hydraulics is not None  # or the error that names the remedy
     valves = [model.hydraulics.joints[joint].valve for joint in model.joints]
-    found = np.array(
-        [
-            [one.std_dev or 0.0 for one in (valve.dead_zone_a, valve.dead_zone_b, valve.hysteresis)]
-            for valve in valves
-        ]
+    dead_a, dead_b, play = (
+        np.array([getattr(valve, name).std_dev or 0.0 for valve in valves])
+        for name in ("dead_zone_a", "dead_zone_b", "hysteresis")
     )
-    dead_a, dead_b, play = found.T
     return np.sqrt(0.5 * (dead_a**2 + dead_b**2) + (0.5 * play) ** 2 + least**2)
+
+
+@njit(cache=True, error_model="numpy")
+def relax(x: Array, P: Array, decay: Array, added: Array) -> None:
+    """x' = decay x, P' = decay P decay + added, in place; decay and added (n,) on the diagonal."""
+    n = len(x)
+    for i in range(n):
+        x[i] *= decay[i]
+        for k in range(n):
+            P[i, k] *= decay[i] * decay[k]
+        P[i, i] += added[i]
+
+
+@njit(cache=True, error_model="numpy")
+def carry(P: Array, rows: NDArray[np.int64], slopes: Array) -> None:
+    """P' = F P F^T in place, where F is the identity but for `rows`, whose whole `slopes` (r, n)
+    are given; no row of these depends on another of them but itself.
+    """
+    n = len(P)
+    for r in range(len(rows)):
+        i = rows[r]
+        new = np.zeros(n)
+        for k in range(n):
+            if slopes[r, k] != 0.0:
+                for m in range(n):
+                    new[m] += slopes[r, k] * P[k, m]
+        variance = 0.0
+        for k in range(n):
+            variance += slopes[r, k] * new[k]
+        for m in range(n):
+            P[i, m] = new[m]
+            P[m, i] = new[m]
+        P[i, i] = variance
+
+
+@njit(cache=True, error_model="numpy")
+def correct(
+    x: Array, P: Array, H: Array, innovation: Array, variance: Array, estimated: int
+) -> float:
+    """Correct by measurements (r,) with slopes H (r, n), one after the other, in place.
+
+    `innovation` is that before any of them; those of infinite variance say nothing. States from
+    `estimated` on are considered and not estimated: their errors count, and nothing is learnt of
+    them (Schmidt, Application of state-space methods to navigation problems, 1966). Returns the log
+    likelihood.
+    """
+    n, likelihood = len(x), 0.0
+    begun = x.copy()
+    for r in range(len(innovation)):
+        if not variance[r] < math.inf:
+            continue
+        seen = np.zeros(n)
+        spread, left = variance[r], innovation[r]
+        for i in range(n):
+            for k in range(n):
+                if H[r, k] != 0.0:
+                    seen[i] += P[i, k] * H[r, k]
+        for i in range(n):
+            spread += H[r, i] * seen[i]
+            left -= H[r, i] * (x[i] - begun[i])
+        likelihood -= 0.5 * (left * left / spread + math.log(spread / variance[r]))
+        for i in range(estimated):
+            x[i] += seen[i] * left / spread
+        for i in range(n):
+            for k in range(n if i < estimated else estimated):
+                P[i, k] -= seen[i] * seen[k] / spread
+    return likelihood
+
+
+class Gaussian:
+    """Mean x (size,) and covariance P (size, size); `estimated` as in `correct`."""
+
+    def __init__(self, x: Array, P: Array, estimated: int):
+        self.x, self.P, self.estimated = x, P, estimated
+
+    def copied(self) -> Self:
+        """As it stands, to go back to."""
+        copied = copy(self)
+        copied.x, copied.P = self.x.copy(), self.P.copy()
+        return copied
+
+    def relax(self, decay: Array, added: Array) -> None:
+        """x' = decay x + noise; `decay` and the variance `added` (size,) on the diagonal."""
+        relax(self.x, self.P, decay, added)
+
+    def move(self, displacement: Array, slopes: Array, noise: Array) -> None:
+        """The first states, of a count r, go `way` (r,), whose slopes against all states before
+        are such that their new ones have `slopes` (r, size); `noise` (r,) is its variance.
+        """
+        rows = np.arange(len(displacement))
+        carry(self.P, rows, slopes)
+        self.x[rows] += displacement
+        self.P[rows, rows] += noise
+
+    def correct(self, H: Array, innovation: Array, variance: Array) -> float:
+        """By measurements (r,), as `correct` has them; returns the log likelihood."""
+        return correct(self.x, self.P, H, innovation, variance, self.estimated)
+
+
+class Prediction(NamedTuple):
+    """From `before` to `after`: e' = F e + noise of errors e, whose covariance says how much."""
+
+    before: Gaussian
+    F: Array  # (size, size)
+    after: Gaussian
+
+
+class Correction(NamedTuple):
+    """From `before` to `after`, by measurements (r,)."""
+
+    before: Gaussian
+    H: Array  # (r, size)
+    variance: Array  # (r,)
+    after: Gaussian
+
+
+class KeptGaussian(Gaussian):
+    """A belief that keeps its steps, the newest last."""
+
+    def __init__(self, begun: Gaussian):
+        super().__init__(begun.x.copy(), begun.P.copy(), begun.estimated)
+        self.steps: list[Prediction | Correction] = []
+
+    def relax(self, decay: Array, added: Array) -> None:
+        """And keep it."""
+        before = self.now()
+        super().relax(decay, added)
+        self.steps.append(Prediction(before, np.diag(decay), self.now()))
+
+    def move(self, displacement: Array, slopes: Array, noise: Array) -> None:
+        """And keep it."""
+        before, F = self.now(), np.eye(len(self.x))
+        super().move(displacement, slopes, noise)
+        F[: len(displacement)] = slopes
+        self.steps.append(Prediction(before, F, self.now()))
+
+    def correct(self, H: Array, innovation: Array, variance: Array) -> float:
+        """And keep it."""
+        before = self.now()
+        likelihood = super().correct(H, innovation, variance)
+        self.steps.append(Correction(before, H, variance, self.now()))
+        return likelihood
+
+    def now(self) -> Gaussian:
+        """As it stands."""
+        return Gaussian(self.x.copy(), self.P.copy(), self.estimated)

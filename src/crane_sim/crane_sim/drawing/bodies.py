@@ -10,7 +10,13 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from crane_model.actuators.cylinders import DirectCylinder, FourBarCylinder, TriangleCylinder
+from crane_model.actuators import (
+    DirectCylinder,
+    FourBarCylinder,
+    TriangleCylinder,
+    direction,
+    meeting,
+)
 from crane_model.kinematics import link_transforms
 from crane_model.machine import Machine
 from crane_sim.parts.mujoco_model import add_body, link_name
@@ -142,11 +148,6 @@ class Pins(NamedTuple):
     tip: np.ndarray
 
 
-def direction(angle: float) -> np.ndarray:
-    """Unit vector (2,) raised by `angle` from the horizontal [rad]."""
-    return np.array([math.cos(angle), math.sin(angle)])
-
-
 def forwarder(machine: Machine) -> bool:
     """Whether it is a crane as of the report: a slew, two booms with its linkages, a telescope."""
     planar = machine.planar
@@ -205,7 +206,7 @@ def pins(machine: Machine, q: np.ndarray) -> Pins:
         inner_base=joint_2 + inner.j1 * direction(inner.phi_4 - math.pi / 2),
         inner_eye=joint_2 + inner.j2 * direction(q[1] + inner.phi_3),
         outer_base=base,
-        outer_eye=_meeting(lever, outer.c1, rocker, outer.c2),
+        outer_eye=meeting(lever, outer.c1, rocker, outer.c2),
         lever=lever,
         rocker=rocker,
         tip=elbow
@@ -214,29 +215,18 @@ def pins(machine: Machine, q: np.ndarray) -> Pins:
     )
 
 
-def _meeting(lever: np.ndarray, c1: float, rocker: np.ndarray, c2: float) -> np.ndarray:
-    """Where circles of radius c1 and c2 meet, to the right of the line from lever to rocker."""
-    line = rocker - lever
-    distance = math.hypot(*line)
-    along = (c1**2 - c2**2 + distance**2) / (2.0 * distance)
-    square = c1**2 - along**2
-    across = math.sqrt(square) if square >= 0.0 else math.nan
-    unit = line / distance
-    return lever + along * unit + across * np.array([unit[1], -unit[0]])
-
-
 # What the bodies of the crane look like: base, pillar, booms, telescope and gripper.
 #
 # Pins, lengths and cylinder diameters are those of the machine file; the sizes of plates and beams
 # are drawn to fit a crane of this size. Sideways, from the middle out: cylinder; inner boom; links
 # c2 and c1; cheeks of the outer boom and of the pillar.
 
-PIN = 0.022  # m, radius
-BOOM = (0.062, 0.077)  # m from the middle: sides of the inner boom
+PIN_RADIUS_M = 0.022
+INNER_BOOM_SIDES = (0.062, 0.077)  # m from the middle: sides of the inner boom
 LINK_2, LINK_1 = (0.080, 0.089), (0.090, 0.099)
 CHEEK = (0.101, 0.121)
-STEP = 0.006  # m between a cheek and the column under it
-FLUSH = 0.0008  # m; overlapping surfaces in one plane would flicker
+COLUMN_STEP_M = 0.006  # between a cheek and the column under it
+FLUSH_GAP_M = 0.0008  # overlapping surfaces in one plane would flicker
 
 
 def dress(spec: mujoco.MjSpec, machine: Machine) -> None:
@@ -287,11 +277,11 @@ def _pillar(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> None
     bar(body, (0.0, 0.0, floor + 0.36), (0.0, 0.0, floor + 0.42), 0.24, Material.PAINT)
     column = [(x, z, 0.02) for x, z in _box(-0.17, 0.17, floor + 0.42, floor + 0.5)]
     column += [(x, base[1] - 0.25, 0.02) for x in (-0.11, 0.15)]
-    plate(spec, body, column, STEP - CHEEK[1], CHEEK[1] - STEP)
+    plate(spec, body, column, COLUMN_STEP_M - CHEEK[1], CHEEK[1] - COLUMN_STEP_M)
     cheek = [(0.0, 0.0, 0.095), (*base, 0.06), (-0.09, base[1] - 0.3, 0.04)]
     plates(spec, body, [*cheek, (0.13, base[1] - 0.3, 0.04)], *CHEEK)
     pin(body, (0.0, 0.0), CHEEK[1] + 0.02, 0.045)
-    pin(body, base, CHEEK[1] + 0.012, PIN)
+    pin(body, base, CHEEK[1] + 0.012, PIN_RADIUS_M)
 
 
 def _inner_boom(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> None:
@@ -299,13 +289,18 @@ def _inner_boom(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> 
     length, linkage = machine.as_planar().inner_boom_length, triangle(machine)
     eye = linkage.j2 * direction(linkage.phi_3 - machine.as_planar().theta_2_0)
     base, rocker = (np.array([length, 0.0]) + point for point in outer_boom_pins(machine))
-    plates(spec, body, [(0.0, 0.0, 0.07), (*eye, 0.055), (length, 0.0, 0.066)], *BOOM)
-    box(body, (0.06, -BOOM[0], 0.045), (length - 0.03, BOOM[0], 0.062), Material.PAINT)
+    plates(spec, body, [(0.0, 0.0, 0.07), (*eye, 0.055), (length, 0.0, 0.066)], *INNER_BOOM_SIDES)
+    box(
+        body,
+        (0.06, -INNER_BOOM_SIDES[0], 0.045),
+        (length - 0.03, INNER_BOOM_SIDES[0], 0.062),
+        Material.PAINT,
+    )
     ear: list[Disc] = [(*base, 0.042), (base[0] - 0.1, 0.055, 0.01), (base[0] + 0.13, 0.055, 0.01)]
-    plates(spec, body, ear, BOOM[0] - 0.01, BOOM[1] - 0.008)
-    pin(body, eye, BOOM[1] + 0.012, PIN)
-    pin(body, base, BOOM[1] + 0.008, PIN)
-    pin(body, rocker, LINK_2[1] + 0.004, PIN)
+    plates(spec, body, ear, INNER_BOOM_SIDES[0] - 0.01, INNER_BOOM_SIDES[1] - 0.008)
+    pin(body, eye, INNER_BOOM_SIDES[1] + 0.012, PIN_RADIUS_M)
+    pin(body, base, INNER_BOOM_SIDES[1] + 0.008, PIN_RADIUS_M)
+    pin(body, rocker, LINK_2[1] + 0.004, PIN_RADIUS_M)
 
 
 def _outer_boom(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> None:
@@ -320,7 +315,7 @@ def _outer_boom(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> 
     plates(spec, body, cheek, *CHEEK)
     plate(spec, body, [(0.17, rise, 0.05), (0.36, rise, 0.04)], -CHEEK[0], CHEEK[0])
     pin(body, (0.0, 0.0), CHEEK[1] + 0.02, 0.04)
-    pin(body, lever, CHEEK[1] + 0.012, PIN)
+    pin(body, lever, CHEEK[1] + 0.012, PIN_RADIUS_M)
     radius, _ = radii(machine, machine.as_planar().joints[2])
     height = rise + _above_tube(machine)
     bar(body, (-0.02, 0.0, height), (end + 0.015, 0.0, height), radius, Material.BARREL)
@@ -334,7 +329,7 @@ def _telescope(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> N
     tube = [(x, z, 0.006) for x, z in _box(0.14 - length, -0.07, -0.06, 0.06)]
     plate(spec, body, tube, -0.048, 0.048, Material.STEEL)
     plates(spec, body, [(-0.12, 0.0, 0.05), (0.0, 0.0, 0.04)], 0.032, 0.05, Material.STEEL)
-    pin(body, (0.0, 0.0), 0.06, PIN)
+    pin(body, (0.0, 0.0), 0.06, PIN_RADIUS_M)
     _, radius = radii(machine, machine.as_planar().joints[2])
     height = _above_tube(machine)
     plate(spec, body, [(-0.10, 0.0, 0.05), (-0.10, height, 0.03)], -0.03, 0.03, Material.STEEL)
@@ -352,14 +347,14 @@ def gripper(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
     bar(body, (-0.16, 0.0, -0.47), (0.03, 0.0, -0.47), 0.03, Material.BARREL)
     bar(body, (0.0, 0.0, -0.47), (0.16, 0.0, -0.47), 0.016, Material.CHROME)
     for side, middle in ((-1.0, 0.045), (1.0, 0.1)):
-        pin(body, (side * 0.12, -0.375), 0.105, PIN)
+        pin(body, (side * 0.12, -0.375), 0.105, PIN_RADIUS_M)
         arc = np.linspace(1.05, -1.45, 9)
         centre = np.array([0.0, -0.62])
         path = [centre + np.array([0.29, 0.28]) * direction(angle) for angle in arc]
         widths = np.linspace(0.055, 0.012, 9)
         discs = [(side * x, z, w) for (x, z), w in zip(path, widths, strict=True)]
         for k, ends in enumerate(pairwise(discs)):
-            half = 0.014 - k % 2 * FLUSH
+            half = 0.014 - k % 2 * FLUSH_GAP_M
             plates(spec, body, list(ends), middle - half, middle + half)
         bar(
             body,
@@ -393,8 +388,8 @@ def _box(low_x: float, high_x: float, low_z: float, high_z: float) -> list[tuple
 #
 # They belong to no body of the crane: each is a body of its own whose place follows from the pins.
 
-EYE = 0.034  # m, radius
-CAP = 0.08  # m from a cylinder's end to its piston or gland
+EYE_RADIUS_M = 0.034
+CAP_LENGTH_M = 0.08  # from a cylinder's end to its piston or gland
 
 
 class Placement(NamedTuple):
@@ -416,7 +411,7 @@ def add_moving_parts(spec: mujoco.MjSpec, machine: Machine) -> None:
         discs = [(0.0, 0.0, 0.034), (length, 0.0, 0.034)]
         plates(spec, body, discs, *sides, material=Material.STEEL)
     # one pin through both links and the cylinder's eye
-    pin(spec.body("outer_boom_rod"), (0.0, 0.0), LINK_1[1] + 0.008, PIN)
+    pin(spec.body("outer_boom_rod"), (0.0, 0.0), LINK_1[1] + 0.008, PIN_RADIUS_M)
     gripper(spec, _free(spec, "hanging_gripper"))
 
 
@@ -440,21 +435,30 @@ def _cylinder(spec: mujoco.MjSpec, machine: Machine, joint: str, name: str) -> N
     """Barrel from its pin, rod from the other; neither runs out of its stroke."""
     stroke = machine.cylinders[joint]
     outer, inner = radii(machine, joint)
-    barrel_end = stroke.length_min - CAP
-    rod_end = stroke.length_max - barrel_end + CAP / 2  # still in the barrel when fully extended
+    barrel_end = stroke.length_min - CAP_LENGTH_M
+    rod_end = (
+        stroke.length_max - barrel_end + CAP_LENGTH_M / 2
+    )  # still in the barrel when fully extended
 
     barrel = _free(spec, f"{name}_barrel")
     _eye(spec, barrel)
-    bar(barrel, (EYE, 0.0, 0.0), (barrel_end, 0.0, 0.0), outer, Material.BARREL)
+    bar(barrel, (EYE_RADIUS_M, 0.0, 0.0), (barrel_end, 0.0, 0.0), outer, Material.BARREL)
     gland = (barrel_end - 0.05, 0.0, 0.0)
     bar(barrel, gland, (barrel_end, 0.0, 0.0), outer + 0.005, Material.STEEL)
     rod = _free(spec, f"{name}_rod")
     _eye(spec, rod)
-    bar(rod, (EYE / 2, 0.0, 0.0), (rod_end, 0.0, 0.0), inner, Material.CHROME)
+    bar(rod, (EYE_RADIUS_M / 2, 0.0, 0.0), (rod_end, 0.0, 0.0), inner, Material.CHROME)
 
 
 def _eye(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
-    plate(spec, body, [(0.0, 0.0, EYE), (EYE, 0.0, EYE * 0.8)], -0.03, 0.03, Material.STEEL)
+    plate(
+        spec,
+        body,
+        [(0.0, 0.0, EYE_RADIUS_M), (EYE_RADIUS_M, 0.0, EYE_RADIUS_M * 0.8)],
+        -0.03,
+        0.03,
+        Material.STEEL,
+    )
 
 
 def _free(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,23 +10,21 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw
 
-from crane_bags.namespaces import namespace_of
-from crane_bags.reader import TopicData, read_topics
+from crane_bags.reader import TopicData, namespace_of, read_topics
 from crane_bags.types import JOINT_REFERENCE, JOINT_STATES
 from crane_model import cli
 from crane_model.cli import between
 from crane_model.errors import DataError
 from crane_model.machine import Machine
 from crane_model.progress_bar import progress_bar
-from crane_sim.drawing.offscreen import FINENESS, Canvas
-from crane_sim.drawing.opengl import find_backend
-from crane_sim.drawing.scene import Scene
-from crane_sim.make_bag import add_plant, load_both
-from crane_sim.parts.parameters import StandIn
+from crane_sim.drawing.picture import find_backend
+from crane_sim.drawing.scene import FINENESS, Canvas, Scene
+from crane_sim.options import add_plant, load_both
+from crane_sim.parts.parameters import SimulatedCrane
 
 # What a film shows of a bag: where the joints were at each picture, and where they should be.
 
-LEAST_WAY = 0.02  # rad, m: a joint that has moved less is not worth a curve
+MIN_SHOWN_MOTION = 0.02  # rad, m: a joint that has moved less is not worth a curve
 
 
 class Shot(NamedTuple):
@@ -38,8 +37,10 @@ class Shot(NamedTuple):
     @property
     def moved(self) -> list[int]:
         """The joints that moved, by their columns; all of them if none did."""
-        way = np.ptp(self.position, axis=0)
-        return [int(i) for i in np.flatnonzero(way > LEAST_WAY)] or list(range(way.size))
+        travel = np.ptp(self.position, axis=0)
+        return [int(i) for i in np.flatnonzero(travel > MIN_SHOWN_MOTION)] or list(
+            range(travel.size)
+        )
 
 
 def shot(bag: Path, machine: Machine, begin: float, length: float, rate: float) -> Shot:
@@ -68,7 +69,7 @@ def shot(bag: Path, machine: Machine, begin: float, length: float, rate: float) 
     # a reading may lie beyond the limits, by its noise; the linkages are drawn within them
     limits = [machine.limits[joint] for joint in machine.joint_names]
     drawn = position.clip(
-        [one.position_min for one in limits], [one.position_max for one in limits]
+        [limit.position_min for limit in limits], [limit.position_max for limit in limits]
     )
     reference = np.full_like(position, np.nan)
     if told := read.get(reference_topic.name):
@@ -94,12 +95,12 @@ def _at(time: np.ndarray, told: TopicData, start: int, machine: Machine) -> np.n
 
 # The strip below a film: reference and measured position over time, and how far it has come.
 
-DOTS = 100  # per inch
+DOTS_PER_INCH = 100  # per inch
 STRIP_FINENESS = 2  # drawn so many times larger, then averaged, as the crane is
-PAPER, INK, SOFT = "#f7f6f2", "#1b1c1a", "#6b6c66"
+PAPER, INK, SOFT_INK = "#f7f6f2", "#1b1c1a", "#6b6c66"
 REFERENCE, MEASURED, NOW = "#b9b6ab", "#1f5f8f", (143, 82, 0)
 LEFT, RIGHT, TOP, BOTTOM = 0.17, 0.975, 0.86, 0.16  # of the strip: where curves are
-FADED = 0.78  # of the way to the paper, for what is still to come
+FADED_SHARE = 0.78  # of the way to the paper, for what is still to come
 
 
 class Strip:
@@ -109,7 +110,7 @@ class Strip:
         """width, height [pixels]."""
         self._seen = _drawn(shot, machine, width, height)
         paper = Image.new("RGB", self._seen.size, PAPER)
-        self._coming = Image.blend(self._seen, paper, FADED)
+        self._coming = Image.blend(self._seen, paper, FADED_SHARE)
         # names and scales do not fade
         self._coming.paste(self._seen.crop((0, 0, round(LEFT * width), height)), (0, 0))
         for low, high in ((0.0, 1.0 - TOP), (1.0 - BOTTOM, 1.0)):
@@ -128,7 +129,11 @@ class Strip:
 
 
 def _drawn(shot: Shot, machine: Machine, width: int, height: int) -> Image.Image:
-    figure = Figure((width / DOTS, height / DOTS), dpi=STRIP_FINENESS * DOTS, facecolor=PAPER)
+    figure = Figure(
+        (width / DOTS_PER_INCH, height / DOTS_PER_INCH),
+        dpi=STRIP_FINENESS * DOTS_PER_INCH,
+        facecolor=PAPER,
+    )
     joints = shot.moved
     figure.subplots_adjust(LEFT, BOTTOM, RIGHT, TOP, hspace=0.25)
     lanes = figure.subplots(len(joints), sharex=True, squeeze=False)[:, 0]
@@ -143,14 +148,14 @@ def _drawn(shot: Shot, machine: Machine, width: int, height: int) -> Image.Image
         axes.set_facecolor(PAPER)
         axes.margins(x=0.0, y=0.12)
         axes.locator_params(axis="y", nbins=2)
-        axes.tick_params(labelsize=7, colors=SOFT, length=2, labelbottom=axes is lanes[-1])
+        axes.tick_params(labelsize=7, colors=SOFT_INK, length=2, labelbottom=axes is lanes[-1])
         for side, spine in axes.spines.items():
             spine.set_visible(side in ("left", "bottom"))
             spine.set_color(REFERENCE)
-    lanes[-1].set_xlabel("s", fontsize=8, color=SOFT, labelpad=0)
+    lanes[-1].set_xlabel("s", fontsize=8, color=SOFT_INK, labelpad=0)
     words = [("measured", MEASURED)]
     if np.isfinite(shot.reference).any():
-        words.append(("reference", SOFT))
+        words.append(("reference", SOFT_INK))
     for place, (word, colour) in enumerate(words):
         figure.text(LEFT + 0.12 * place, 0.91, word, fontsize=8, color=colour, weight="bold")
     drawn = io.BytesIO()
@@ -160,14 +165,14 @@ def _drawn(shot: Shot, machine: Machine, width: int, height: int) -> Image.Image
 
 # The pictures of a film, one after the other.
 
-CURVES = 0.27  # of the height
+CURVES_HEIGHT = 0.27  # of the height
 
 
 def frames(
-    shot: Shot, parameters: StandIn, machine: Machine, width: int, height: int
+    shot: Shot, parameters: SimulatedCrane, machine: Machine, width: int, height: int
 ) -> Iterator[Image.Image]:
     """The crane at each moment of a shot, and its curves below [pixels]."""
-    below = round(CURVES * height)
+    below = round(CURVES_HEIGHT * height)
     above = height - below
     fine = FINENESS * width, FINENESS * above
     strip = Strip(shot, machine, width, below)
@@ -182,11 +187,25 @@ def frames(
             yield picture
 
 
-SIZE = (640, 640)
-LARGEST = 1600  # pixels
-RATE = 12.5  # pictures a second
-LENGTH, LONGEST = 20.0, 60.0  # s; all pictures are held in memory before they are written
+FILM_SIZE = (640, 640)
+MAX_FILM_SIDE = 1600  # pixels
+FRAMES_PER_S = 12.5  # pictures a second
+FILM_S, MAX_FILM_S = 20.0, 60.0  # s; all pictures are held in memory before they are written
 QUALITY, EFFORT = 60, 4  # of WebP: 0 to 100, 0 to 6
+
+
+@dataclass(frozen=True)
+class _Request:
+    """The command line."""
+
+    bag: Path
+    out: Path
+    begin: float  # s
+    length: float  # s
+    size: Sequence[int]  # pixels: width, height
+    plant: Path | None
+    machine: str | None
+    replace: bool
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -203,45 +222,43 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument(
         "--length",
-        type=between(1 / RATE, LONGEST),
-        default=LENGTH,
+        type=between(1 / FRAMES_PER_S, MAX_FILM_S),
+        default=FILM_S,
         metavar="S",
-        help=f"s at most (default: {LENGTH:g})",
+        help=f"s at most (default: {FILM_S:g})",
     )
-    parser.add_argument("--size", type=int, nargs=2, default=SIZE, metavar=("WIDTH", "HEIGHT"))
+    parser.add_argument("--size", type=int, nargs=2, default=FILM_SIZE, metavar=("WIDTH", "HEIGHT"))
     add_plant(parser)
     cli.add_machine(parser)
     cli.add_replace(parser)
-    arguments = parser.parse_args(argv)
+    request = _Request(**vars(parser.parse_args(argv)))
 
     def body() -> None:
-        if arguments.out.suffix.lower() != ".webp":
-            raise DataError(f"{arguments.out}: the film is a WebP file; name it *.webp")
-        cli.check_out(arguments.out, replace=arguments.replace)
-        width, height = arguments.size
-        if not all(100 <= side <= LARGEST for side in (width, height)):
-            raise DataError(f"--size {width} {height}: each from 100 to {LARGEST} pixels")
-        machine, parameters = load_both(arguments.machine, arguments.plant)
+        if request.out.suffix.lower() != ".webp":
+            raise DataError(f"{request.out}: the film is a WebP file; name it *.webp")
+        cli.check_out(request.out, replace=request.replace)
+        width, height = request.size
+        if not all(100 <= side <= MAX_FILM_SIDE for side in (width, height)):
+            raise DataError(f"--size {width} {height}: each from 100 to {MAX_FILM_SIDE} pixels")
+        machine, parameters = load_both(request.machine, request.plant)
         find_backend()
-        # only now: without OpenGL the import of mujoco may fail, and less clearly
-
-        shown = shot(arguments.bag, machine, arguments.begin, arguments.length, RATE)
-        with progress_bar(arguments.out.name, len(shown.time) + 1) as bar:
+        shown = shot(request.bag, machine, request.begin, request.length, FRAMES_PER_S)
+        with progress_bar(request.out.name, len(shown.time) + 1) as bar:
             pictures = []
             for picture in frames(shown, parameters, machine, width, height):
                 pictures.append(picture)
                 bar.update()
             pictures[0].save(
-                arguments.out,
+                request.out,
                 save_all=True,
                 append_images=pictures[1:],
-                duration=round(1000 / RATE),
+                duration=round(1000 / FRAMES_PER_S),
                 loop=0,
                 quality=QUALITY,
                 method=EFFORT,
             )
             bar.update()
-        size = arguments.out.stat().st_size / 1e6
-        print(f"written: {arguments.out}, {len(pictures) / RATE:.1f} s, {size:.1f} MB")
+        size = request.out.stat().st_size / 1e6
+        print(f"written: {request.out}, {len(pictures) / FRAMES_PER_S:.1f} s, {size:.1f} MB")
 
     return cli.run(body)

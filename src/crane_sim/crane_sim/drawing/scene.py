@@ -1,6 +1,8 @@
 """The machine with its surroundings, in any pose: what pictures and the viewer show."""
 
 import math
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
 import mujoco
 import numpy as np
@@ -18,14 +20,18 @@ from crane_sim.drawing.bodies import (
     pins,
     placements,
 )
+from crane_sim.drawing.picture import broken, find_backend
 from crane_sim.parts.mujoco_model import chain_positions, link_name, machine_spec
-from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.parameters import SimulatedCrane
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 # Any machine, drawn simply: a bar from each joint to the next, and a pin where one turns.
 
 THICKEST, THINNER = 0.09, 0.85  # m, radius of the first link; and of each next one, its share
-PIN = 1.6  # length of a pin to either side, of the radius of its link
-SHORTEST = 0.02  # m, of a bar that is drawn
+PIN_HALF_LENGTH = 1.6  # length of a pin to either side, of the radius of its link
+MIN_BAR_M = 0.02  # of a bar that is drawn
 
 
 def sketch(spec: mujoco.MjSpec, machine: Machine) -> None:
@@ -33,7 +39,7 @@ def sketch(spec: mujoco.MjSpec, machine: Machine) -> None:
     still = np.zeros(len(machine.joint_names))
     frames = link_transforms(machine, still)[0]
     before = [machine.base.matrix, *frames[:-1]]
-    joints = [frame @ one.before for frame, one in zip(before, machine.joints, strict=True)]
+    joints = [frame @ joint.before for frame, joint in zip(before, machine.joints, strict=True)]
     ends = [*(placed[:3, 3] for placed in joints[1:]), forward_kinematics(machine, still)[0, :3, 3]]
     bar(spec.worldbody, (0.0, 0.0, 0.0), (0.0, 0.0, 0.05), 2.5 * THICKEST, Material.CONCRETE)
     _bar(spec.worldbody, np.zeros(3), joints[0][:3, 3], THICKEST, Material.STEEL)
@@ -43,7 +49,7 @@ def sketch(spec: mujoco.MjSpec, machine: Machine) -> None:
         start, end = _point(seen, joints[i][:3, 3]), _point(seen, ends[i])
         _bar(link, start, end, radius, Material.CHROME if slides else Material.PAINT)
         if not slides:
-            half = PIN * radius * (seen[:3, :3] @ joints[i][:3, :3] @ joint.direction)
+            half = PIN_HALF_LENGTH * radius * (seen[:3, :3] @ joints[i][:3, :3] @ joint.direction)
             _bar(link, start - half, start + half, radius, Material.STEEL)
 
 
@@ -56,20 +62,22 @@ def _point(seen: np.ndarray, point: np.ndarray) -> np.ndarray:
 def _bar(
     body: mujoco.MjsBody, start: np.ndarray, end: np.ndarray, radius: float, material: Material
 ) -> None:
-    if np.linalg.norm(end - start) > SHORTEST:
+    if np.linalg.norm(end - start) > MIN_BAR_M:
         bar(body, (start[0], start[1], start[2]), (end[0], end[1], end[2]), radius, material)
 
 
-GRIPPER_REACH = 0.92  # m, of the hanging gripper below the boom tip
-BASE = (-0.8, 0.0, 0.0)  # m, the edge of the foundation
+GRIPPER_REACH_M = 0.92  # of the hanging gripper below the boom tip
+BASE_EDGE = (-0.8, 0.0, 0.0)  # m, the edge of the foundation
 PADDING = np.array([0.35, 0.35, 0.12])  # m, of links and jaws around the pins
-MARGIN = 1.22  # of the picture over the crane in it
+PICTURE_MARGIN = 1.22  # of the picture over the crane in it
 
 
 class Scene:
     """`model` and `data` for MuJoCo, held in the pose last set; nothing in it moves by itself."""
 
-    def __init__(self, parameters: StandIn, machine: Machine, width: int = 0, height: int = 0):
+    def __init__(
+        self, parameters: SimulatedCrane, machine: Machine, width: int = 0, height: int = 0
+    ):
         """`width` and `height` [pixels]: of the largest picture to be taken of it."""
         self._machine, self._detailed = machine, forwarder(machine)
         spec = machine_spec(parameters, machine)
@@ -133,8 +141,8 @@ class Scene:
         """(k, 3) points of the machine as it stands, of which no other reaches farther [m]."""
         q = self.data.qpos[[self.model.joint(name).id for name in self._machine.joint_names]]
         tip = tip_position(self._machine, q)[0]
-        seen = np.array([BASE, *self.data.xanchor, tip])
-        return np.vstack([seen, tip - (0.0, 0.0, GRIPPER_REACH)]) if self._detailed else seen
+        seen = np.array([BASE_EDGE, *self.data.xanchor, tip])
+        return np.vstack([seen, tip - (0.0, 0.0, GRIPPER_REACH_M)]) if self._detailed else seen
 
     def _camera(self, seen: np.ndarray, aspect: float) -> mujoco.MjvCamera:
         low, high = seen.min(axis=0) - PADDING, seen.max(axis=0) + PADDING
@@ -142,7 +150,7 @@ class Scene:
         height = max(high[2] - low[2], np.hypot(*(high - low)[:2]) / aspect)
         camera = mujoco.MjvCamera()
         camera.lookat[:] = (low + high) / 2
-        camera.distance = MARGIN * height / 2 / math.tan(half)
+        camera.distance = PICTURE_MARGIN * height / 2 / math.tan(half)
         camera.azimuth, camera.elevation = 110.0, -10.0
         return camera
 
@@ -195,3 +203,87 @@ def _surround(spec: mujoco.MjSpec) -> None:
     spec.visual.rgba.haze = (0.94, 0.95, 0.96, 1.0)
     spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 4096, 4
     spec.stat.center, spec.stat.extent = (1.2, 0.0, 1.4), 4.5
+
+
+# Pictures of a scene, drawn without a display.
+
+FINENESS = 2  # drawn so many times larger, then averaged: smooth edges with any driver
+
+
+def gl_context(width: int, height: int) -> Any:
+    """A context of OpenGL, made current; to be freed with `.free()`.
+
+    `ConfigurationError` where there is none, with the Debian packages that bring one.
+    """
+    backend = find_backend()
+    try:
+        if backend == "egl":
+            from mujoco.egl import GLContext
+        else:
+            from mujoco.osmesa import GLContext
+        context = GLContext(width, height)
+        context.make_current()
+    except Exception as error:  # each driver raises what it likes
+        raise broken(backend, error) from error
+    return context
+
+
+class Canvas:
+    """Where a scene is drawn, within a `with` block, as often as it changes."""
+
+    def __init__(self, scene: Scene, width: int, height: int):
+        """`scene` was made for this size [pixels] or a larger one."""
+        self._scene, self._size = scene, (width, height)
+
+    def __enter__(self) -> Self:
+        self._context = gl_context(*self._size)
+        try:
+            model = self._scene.model
+            self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
+            self._visible = mujoco.MjvScene(model, maxgeom=1000)
+        except BaseException:
+            self._context.free()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._renderer.free()
+        self._context.free()
+
+    def draw(self, camera: mujoco.MjvCamera) -> np.ndarray:
+        """(height, width, 3) 8-bit picture of the scene as it stands."""
+        mujoco.mjv_updateScene(
+            self._scene.model,
+            self._scene.data,
+            mujoco.MjvOption(),
+            mujoco.MjvPerturb(),
+            camera,
+            mujoco.mjtCatBit.mjCAT_ALL,
+            self._visible,
+        )
+        width, height = self._size
+        area = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(area, self._visible, self._renderer)
+        pixels = np.empty((height, width, 3), np.uint8)
+        mujoco.mjr_readPixels(pixels, None, area, self._renderer)
+        return pixels[::-1]
+
+
+def draw(scene: Scene, camera: mujoco.MjvCamera, width: int, height: int) -> np.ndarray:
+    """(height, width, 3) 8-bit picture of a scene that was made for this size or a larger one."""
+    with Canvas(scene, width, height) as canvas:
+        return canvas.draw(camera)
+
+
+def take_picture(scene: Scene, width: int, height: int) -> "Image.Image":
+    """The crane as it stands, from the side and a little above, with smooth edges."""
+    from PIL import Image  # not for the viewer, which draws on the screen
+
+    fine = draw(scene, scene.camera(width / height), FINENESS * width, FINENESS * height)
+    return Image.fromarray(fine).reduce(FINENESS)

@@ -1,8 +1,9 @@
-"""`view`: a window that shows the stand-in crane in one pose or replays a trajectory."""
+"""`view`: a window that shows the simulated crane in one pose or replays a trajectory."""
 
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -10,13 +11,12 @@ import numpy as np
 
 from crane_model import cli
 from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine
+from crane_model.machine import Machine, parse_pose
 from crane_sim.drawing.scene import Scene
-from crane_sim.make_bag import add_plant, load_both
-from crane_sim.parts.pose import parse_pose
+from crane_sim.options import add_plant, load_both
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 
-FRAME = 1 / 60  # s
+FRAME_S = 1 / 60
 
 Motion = Callable[[float], np.ndarray]
 
@@ -60,11 +60,21 @@ def show(scene: Scene, motion: Motion) -> None:
             with window.lock():
                 scene.set_pose(motion(time.monotonic() - start))
             window.sync()
-            time.sleep(FRAME)
+            time.sleep(FRAME_S)
+
+
+@dataclass(frozen=True)
+class _Request:
+    """The command line."""
+
+    pose: Sequence[str]
+    trajectory: Path | None
+    plant: Path | None
+    machine: str | None
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Show the stand-in crane in a window; it follows a trajectory where one is given."""
+    """Show the simulated crane in a window; it follows a trajectory where one is given."""
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument(
         "--pose",
@@ -76,15 +86,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--trajectory", type=Path, help="coefficients of (32), YAML, to replay")
     add_plant(parser)
     cli.add_machine(parser)
-    arguments = parser.parse_args(argv)
+    request = _Request(**vars(parser.parse_args(argv)))
 
     def body() -> None:
-        machine, parameters = load_both(arguments.machine, arguments.plant)
-        pose = parse_pose(arguments.pose, machine, parameters.start)
+        machine, parameters = load_both(request.machine, request.plant)
+        pose = parse_pose(request.pose, machine, parameters.start)
         scene = Scene(parameters, machine)
         scene.set_pose(pose)
-        if arguments.trajectory:
-            motion = replayed(load_trajectory(arguments.trajectory), machine, pose)
+        if request.trajectory:
+            motion = replayed(load_trajectory(request.trajectory), machine, pose)
         else:
             motion = partial(_held, pose)
         require_display()

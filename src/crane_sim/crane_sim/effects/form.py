@@ -1,4 +1,4 @@
-"""What describes a law of a hidden effect, and such a law with its parameters in a machine."""
+"""Forms of injected effects and their parameters, and all of a machine for compiled code."""
 
 from collections.abc import Callable, Sequence
 from enum import Enum
@@ -7,15 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_model.cylinders import lever_arm
 from crane_model.machine import Machine
-from crane_sim.parts.parameters import StandIn
-
-# What a sensor may do wrong.
+from crane_sim.parts.parameters import SimulatedCrane
 
 
 def measured_joints(machine: Machine) -> tuple[str, ...]:
     """The joints whose chamber pressures are measured, from the base to the tip."""
-    return tuple(joint for joint, one in machine.cylinders.items() if one.pressure_sensors)
+    return tuple(
+        joint for joint, cylinder in machine.cylinders.items() if cylinder.pressure_sensors
+    )
 
 
 class SensorFault:
@@ -26,7 +27,7 @@ class SensorFault:
 
     def __init__(self, machine: Machine, joint: str, values: Sequence[float]):
         self.column = machine.index(joint)
-        self.measured = [machine.index(one) for one in measured_joints(machine)]
+        self.measured = [machine.index(name) for name in measured_joints(machine)]
         self.values = tuple(values)
 
     def positions(self, q: np.ndarray) -> np.ndarray:
@@ -40,20 +41,20 @@ class SensorFault:
         return chamber_a, chamber_b
 
 
-Scale = Callable[[StandIn, str], float]
+Scale = Callable[[SimulatedCrane, str], float]
 
 
-def coulomb(stand_in: StandIn, joint: str) -> float:
+def coulomb(simulated: SimulatedCrane, joint: str) -> float:
     """f_c of the joint [N m, N]."""
-    return stand_in.friction[joint].f_c
+    return simulated.friction[joint].f_c
 
 
-def viscous(stand_in: StandIn, joint: str) -> float:
+def viscous(simulated: SimulatedCrane, joint: str) -> float:
     """f_v of the joint [N m s/rad, N s/m]."""
-    return stand_in.friction[joint].f_v
+    return simulated.friction[joint].f_v
 
 
-def unscaled(stand_in: StandIn, joint: str) -> float:
+def unscaled(simulated: SimulatedCrane, joint: str) -> float:
     """In the unit of the parameter itself: a factor of 1."""
     return 1.0
 
@@ -163,3 +164,85 @@ class Planted(NamedTuple):
     joint: str | None
     values: tuple[float, ...]
     requested: float | None = None  # strength that was asked for
+
+
+# Numbers of laws, by where they act in a step. Whoever acts on a range refuses what it has no
+# branch for; `END` is where the numbers end.
+FRICTION, PUSHES, MEMORY, LOADS, FLOW, LEAKS, SOFTNESS, END = range(0, 800, 100)
+MAX_VALUES = MAX_MEMORIES = 8
+MAX_MODES = 2  # of a boom that bends
+
+
+class Injected(NamedTuple):
+    """k effects; arrays begin with k, an axis of j follows the joints."""
+
+    law: np.ndarray  # int
+    joint: np.ndarray  # int, -1: the whole machine
+    value: np.ndarray  # (k, MAX_VALUES) parameters in the order of the form
+    middle: np.ndarray  # (k,) of the range of the joint [rad, m]
+    half: np.ndarray  # (k,) of the width of that range
+    lever: np.ndarray  # (k,) m, 1: lever arm of the actuator in the middle; 1 of the whole machine
+    memory: np.ndarray  # (k, MAX_MEMORIES) states, all zero at the start
+    part: np.ndarray  # (k,) Coulomb friction, or force, that is added in this step
+    mass: np.ndarray  # (k, j, j) inertia added in this step
+    bias: np.ndarray  # (k, j) and forces that come with it
+    slowing: np.ndarray  # (k, MAX_MODES, j + 1) of a mode that bends: -e'' by each q'', and without
+    bent_mass: np.ndarray  # (j, j) room for M of a crane that is bent,
+    bent_bias: np.ndarray  # (j,) and for h
+    force: np.ndarray  # (k, j) what the drives must give more, after the last step
+    flow: np.ndarray  # (k, j) what flows more into chamber A, m3/s
+    clock: np.ndarray  # (1,) s since the machine was started
+    meters: bool  # whether any of them acts in a valve
+    leaks: bool  # whether any passes a piston
+    softens: bool  # whether any gives way to pressure
+
+
+def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -> Injected | None:
+    """Effects that act in the plant, `running` [s] after it was started; None if there is none.
+
+    Faults of sensors are left out. Raises ValueError for a law whose number is in no range.
+    """
+    inside = [effect for effect in planted if isinstance(effect.form.law, int)]
+    laws = [effect.form.law for effect in inside if isinstance(effect.form.law, int)]
+    for effect, law in zip(inside, laws, strict=True):
+        if not FRICTION <= law < END:
+            raise ValueError(
+                f"law '{effect.form.name}' of '{effect.form.effect}' has the number {law}, which "
+                f"must be from {FRICTION} to {END - 1}: take one of the range where it acts"
+            )
+    count, joints = len(inside), len(machine.joint_names)
+    if count == 0:
+        return None
+    value = np.zeros((count, MAX_VALUES))
+    middle, half, lever = np.zeros(count), np.ones(count), np.ones(count)
+    for k, effect in enumerate(inside):
+        value[k, : len(effect.values)] = effect.values
+        if effect.joint is not None:
+            limits = machine.limits[effect.joint]
+            middle[k] = (limits.position_max + limits.position_min) / 2.0
+            half[k] = (limits.position_max - limits.position_min) / 2.0
+            lever[k] = abs(lever_arm(machine, effect.joint, middle[k : k + 1])[0])
+    return Injected(
+        law=np.array(laws, dtype=np.int64),
+        joint=np.array(
+            [-1 if effect.joint is None else machine.index(effect.joint) for effect in inside],
+            dtype=np.int64,
+        ),
+        value=value,
+        middle=middle,
+        half=half,
+        lever=lever,
+        memory=np.zeros((count, MAX_MEMORIES)),
+        part=np.zeros(count),
+        mass=np.zeros((count, joints, joints)),
+        bias=np.zeros((count, joints)),
+        slowing=np.zeros((count, MAX_MODES, joints + 1)),
+        bent_mass=np.zeros((joints, joints)),
+        bent_bias=np.zeros(joints),
+        force=np.zeros((count, joints)),
+        flow=np.zeros((count, joints)),
+        clock=np.array([running]),
+        meters=any(FLOW <= law < LEAKS for law in laws),
+        leaks=any(LEAKS <= law < SOFTNESS for law in laws),
+        softens=any(law >= SOFTNESS for law in laws),
+    )

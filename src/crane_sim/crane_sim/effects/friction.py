@@ -1,4 +1,4 @@
-"""Hidden friction: what raises or lowers the Coulomb friction of (13) as the machine moves.
+"""Injected friction: what raises or lowers the Coulomb friction of (13) as the machine moves.
 
 Where the joint stands, the set-valued law holds it with the changed friction. Forms are siblings of
 what the catalogue of a diagnosis has: rational for exponential, smooth for a step, and so on.
@@ -9,27 +9,26 @@ import math
 import numpy as np
 from numba import njit
 
-from crane_sim.effects.form import Draw, Form, Magnitude, Where, coulomb
-from crane_sim.effects.working import FRICTION, Hidden
+from crane_sim.effects.form import FRICTION, Draw, Form, Injected, Magnitude, Where, coulomb
 from crane_sim.parts.constants import Constants, Scratch, State
 from crane_sim.parts.rigid_bodies import Chain, beyond, carried, dot, place, vector
 
 (
     LORENTZ, SECH, HILL, ROUNDED_LOAD, WEIGHT, LOAD_POWER, LIP, NO_LEVER, ROD_SEAL, OVERHANG,
-    FRONT, LEVELLING, WORN_ZONE, TWO_ZONES, TILTED_WAY, TRIANGLE, RECTIFIED, HARMONICS,
+    FRONT, LEVELLING, WORN_ZONE, TWO_ZONES, TILTED_GUIDE, TRIANGLE, RECTIFIED, HARMONICS,
     KATO, LOGARITHM, HYPERBOLA, JUMP, RUNNING_DRY, SPELLS, NEIGHBOUR, NEIGHBOUR_SQUARE,
     NEIGHBOUR_SLOW,
 ) = range(FRICTION, FRICTION + 27)  # fmt: skip
 
-AT_REST = 1e-5  # rad/s, m/s; bristles never stand quite still
-LIP_PRESSURE = 5e6  # Pa, where the lip seal rubs as much as one of constant friction coefficient
-FRONT_PAD = 1.1  # m from the joint before
-OVERLAP = 0.4  # m between the pads of a telescope that is all out
+STANDSTILL_SPEED = 1e-5  # rad/s, m/s; bristles never stand quite still
+LIP_PRESSURE_PA = 5e6  # where the lip seal rubs as much as one of constant friction coefficient
+FRONT_PAD_M = 1.1  # from the joint before
+MIN_OVERLAP_M = 0.4  # between the pads of a telescope that is all out
 
 
 @njit(cache=True, error_model="numpy")
 def level(
-    hidden: Hidden,
+    injected: Injected,
     k: int,
     i: int,
     constants: Constants,
@@ -38,88 +37,104 @@ def level(
     step: float,
 ) -> float:
     """Coulomb friction [N m, N] that effect k adds at joint i, in both directions."""
-    law, value, v = hidden.law[k], hidden.value[k], state.v[i]
+    law, value, v = injected.law[k], injected.value[k], state.v[i]
     size = value[0]
+    speed = value[1]
     if law == LORENTZ:
-        return size / (1.0 + (v / value[1]) ** 2)
+        return size / (1.0 + (v / speed) ** 2)
     if law == SECH:
-        return size / math.cosh(min(abs(v / value[1]), 300.0))
+        return size / math.cosh(min(abs(v / speed), 300.0))
     if law == HILL:
-        return size / (1.0 + abs(v / value[1]) ** value[2])
+        exponent = value[2]
+        return size / (1.0 + abs(v / speed) ** exponent)
+    force = value[1]
     if law == ROUNDED_LOAD:
-        return size * math.hypot(scratch.force[i], value[1])
+        return size * math.hypot(scratch.force[i], force)
     if law == WEIGHT:
         return size * abs(scratch.bias[i])
     if law == LOAD_POWER:
-        return size * value[1] * (abs(scratch.force[i]) / value[1]) ** value[2]
+        exponent = value[2]
+        return size * force * (abs(scratch.force[i]) / force) ** exponent
     if law in (LIP, NO_LEVER, ROD_SEAL):
-        return size * _seals(hidden, k, constants.cylinders[i], state.actuators[i])
+        return size * _seals(injected, k, constants.cylinders[i], state.actuators[i])
     if law in (OVERHANG, FRONT, LEVELLING):
-        longest = hidden.middle[k] + hidden.half[k]
+        longest = injected.middle[k] + injected.half[k]
         front, rear = _pad_forces(constants.chain, state.q, i, longest)
         if law == FRONT:
             return size * front
         if law == LEVELLING:
-            return size * value[1] * math.tanh((front + rear) / value[1])
+            return size * force * math.tanh((front + rear) / force)
         return size * (front + rear)
-    return _along_the_way(hidden, k, i, state, step)
+    return _along_the_stroke(injected, k, i, state, step)
 
 
 @njit(cache=True, error_model="numpy")
-def _along_the_way(hidden: Hidden, k: int, i: int, state: State, step: float) -> float:
+def _along_the_stroke(injected: Injected, k: int, i: int, state: State, step: float) -> float:
     """Of a law that follows where the joint stands, how long it stood, or what is beside it."""
-    law, value, memory = hidden.law[k], hidden.value[k], hidden.memory[k]
+    law, value, memory = injected.law[k], injected.value[k], injected.memory[k]
     size = value[0]
     q, v = state.q[i], state.v[i]
-    place = (q - hidden.middle[k]) / hidden.half[k]
+    place = (q - injected.middle[k]) / injected.half[k]
+    centre, width = value[1], value[2]
     if law == WORN_ZONE:
-        return size * math.exp(-(((place - value[1]) / value[2]) ** 2))
+        return size * math.exp(-(((place - centre) / width) ** 2))
     if law == TWO_ZONES:
-        return size * math.tanh((place - value[1]) / value[2])
-    if law == TILTED_WAY:
-        return size * math.copysign(abs(place - value[1]) ** value[2], place - value[1])
+        return size * math.tanh((place - centre) / width)
+    if law == TILTED_GUIDE:
+        exponent = value[2]
+        return size * math.copysign(abs(place - centre) ** exponent, place - centre)
+    wave, phase = value[1], value[2]
     if law == TRIANGLE:
-        return size * 2.0 / math.pi * math.asin(math.sin(value[1] * q + value[2]))
+        return size * 2.0 / math.pi * math.asin(math.sin(wave * q + phase))
     if law == RECTIFIED:
-        return size * (abs(math.sin(0.5 * value[1] * q + value[2])) - 2.0 / math.pi)
+        return size * (abs(math.sin(0.5 * wave * q + phase)) - 2.0 / math.pi)
     if law == HARMONICS:
-        phase = value[1] * q + value[2]
-        return size * (math.sin(phase) + value[3] * math.sin(2.0 * phase + value[2]))
+        angle, second = wave * q + phase, value[3]
+        return size * (math.sin(angle) + second * math.sin(2.0 * angle + phase))
     if law in (KATO, LOGARITHM, HYPERBOLA):
-        return size * _breakaway(law, memory, v, value[1], value[2], step)
+        growth, travel = value[1], value[2]
+        return size * _breakaway(law, memory, v, growth, travel, step)
+    time = injected.clock[0]
     if law == JUMP:
-        return size if hidden.clock[0] > value[1] else 0.0
+        moment = value[1]
+        return size if time > moment else 0.0
     if law == RUNNING_DRY:
-        return size * (1.0 - math.exp(-max(hidden.clock[0] - value[1], 0.0) / value[2]))
+        moment, growth = value[1], value[2]
+        return size * (1.0 - math.exp(-max(time - moment, 0.0) / growth))
     if law == SPELLS:
-        return size if (hidden.clock[0] + value[2]) % value[1] < 0.5 * value[1] else 0.0
+        period, shift = value[1], value[2]
+        return size if (time + shift) % period < 0.5 * period else 0.0
+    neighbour, speed = state.v[i - 1], value[1]
     if law == NEIGHBOUR:  # the joint before this one, on the same frame, shakes its seals loose
-        return size * abs(state.v[i - 1]) / value[1]
+        return size * abs(neighbour) / speed
     if law == NEIGHBOUR_SQUARE:
-        return size * (state.v[i - 1] / value[1]) ** 2
+        return size * (neighbour / speed) ** 2
     if law == NEIGHBOUR_SLOW:
-        return size / (1.0 + (state.v[i - 1] / value[1]) ** 2)
+        return size / (1.0 + (neighbour / speed) ** 2)
     raise ValueError("a law of friction has no branch in effects/friction.py: give it one")
 
 
 @njit(cache=True, error_model="numpy")
 def _lip(pressure: float, exponent: float) -> float:
-    return LIP_PRESSURE * (max(pressure, 0.0) / LIP_PRESSURE) ** exponent
+    return LIP_PRESSURE_PA * (max(pressure, 0.0) / LIP_PRESSURE_PA) ** exponent
 
 
 @njit(cache=True, error_model="numpy")
-def _seals(hidden: Hidden, k: int, cylinder: np.record, actuator: np.record) -> float:
+def _seals(injected: Injected, k: int, cylinder: np.record, actuator: np.record) -> float:
     """What presses the seals of a cylinder, in the unit of the joint's force [N m, N]."""
-    law, value = hidden.law[k], hidden.value[k]
+    law, value = injected.law[k], injected.value[k]
     pressed_a = cylinder.area_a * max(actuator.p_a, 0.0)
     pressed_b = cylinder.area_b * max(actuator.p_b, 0.0)
     if law == LIP:
-        pressed_a = cylinder.area_a * _lip(actuator.p_a, value[1])
-        pressed_b = cylinder.area_b * _lip(actuator.p_b, value[1])
+        exponent = value[1]
+        pressed_a = cylinder.area_a * _lip(actuator.p_a, exponent)
+        pressed_b = cylinder.area_b * _lip(actuator.p_b, exponent)
     elif law == ROD_SEAL:  # the piston's own ring does little
-        pressed_a *= value[1]
+        share_a = value[1]
+        pressed_a *= share_a
     else:  # a seal of the pin, with an arm of its own
-        return hidden.lever[k] * (pressed_a + value[1] * pressed_b)
+        share_b = value[1]
+        return injected.lever[k] * (pressed_a + share_b * pressed_b)
     return abs(actuator.lever) * (pressed_a + pressed_b)
 
 
@@ -136,7 +151,7 @@ def _pad_forces(chain: Chain, q: np.ndarray, i: int, longest: float) -> tuple[fl
     before = carried(chain.links[k - 1], vector(chain.links[k - 1].point))
     weight = mass * across
     reach = dot(moment, along) - mass * dot(before, along)
-    rear = across * (reach - mass * FRONT_PAD) / (longest + OVERLAP - q[i])
+    rear = across * (reach - mass * FRONT_PAD_M) / (longest + MIN_OVERLAP_M - q[i])
     return abs(weight + rear), abs(rear)
 
 
@@ -148,9 +163,9 @@ def _breakaway(
 
     memory: time at rest, share at breakaway, travel since.
     """
-    if abs(v) < AT_REST:
-        memory[0] += step
-        memory[2] = 0.0
+    time, share, travelled = memory[0], memory[1], memory[2]
+    if abs(v) < STANDSTILL_SPEED:
+        memory[0], memory[2] = time + step, 0.0
         rest = memory[0] / growth
         if law == KATO:
             grown = 1.0 - math.exp(-(rest**0.6))
@@ -158,20 +173,21 @@ def _breakaway(
             grown = math.log1p(rest)
         else:
             grown = rest / (1.0 + rest)
-        memory[1] = max(memory[1], grown)
+        memory[1] = max(share, grown)
         return memory[1]
-    memory[0] = 0.0
-    memory[2] += step * abs(v)
-    way = memory[2] / travel
+    travelled += step * abs(v)
+    memory[0], memory[2] = 0.0, travelled
+    displacement = travelled / travel
     if law == KATO:
-        left = 1.0 / (1.0 + way * way)
+        left = 1.0 / (1.0 + displacement * displacement)
     elif law == LOGARITHM:
-        left = math.exp(-way)
+        left = math.exp(-displacement)
     else:
-        left = max(1.0 - 0.5 * way, 0.0)
+        left = max(1.0 - 0.5 * displacement, 0.0)
     if left < 0.01:
-        memory[1] = 0.0
-    return memory[1] * left
+        share = 0.0
+    memory[1] = share
+    return share * left
 
 
 _SIZE = Magnitude("f", "{force}", 0.1, 1.5, coulomb)
@@ -183,7 +199,7 @@ _BREAKAWAY = _SIZE._replace(highest=5.0)
 _REST = (Draw("growth", "s", 0.3, 3.0), Draw("travel", "{coordinate}", 1e-3, 1e-2))
 _OF_BEFORE = (Draw("speed", "rad/s", 0.05, 0.15),)  # of the boom before
 
-FORMS = (
+FRICTION_FORMS = (
     Form("stribeck", "lorentz", LORENTZ, _SIZE, (_SPEED,)),
     Form("stribeck", "sech", SECH, _SIZE, (_SPEED,)),
     Form("stribeck", "hill", HILL, _SIZE, (_SPEED, Draw("exponent", "1", 1.4, 4.0))),
@@ -204,7 +220,7 @@ FORMS = (
          Where.SLIDING),
     Form("position_friction", "two_zones", TWO_ZONES, _SIZE, (_PLACE, _WIDTH), signed=True),
     Form("position_friction", "worn_zone", WORN_ZONE, _SIZE, (_PLACE, _WIDTH), signed=True),
-    Form("position_friction", "tilted_way", TILTED_WAY, _SIZE,
+    Form("position_friction", "tilted_way", TILTED_GUIDE, _SIZE,
          (_PLACE, Draw("exponent", "1", 0.6, 1.6)), signed=True),
     Form("cyclic_friction", "triangle", TRIANGLE, _SIZE, (_WAVE, _PHASE)),
     Form("cyclic_friction", "rectified", RECTIFIED, _SIZE, (_WAVE, _PHASE)),

@@ -1,13 +1,12 @@
-"""Hidden loads of the whole crane, and inertia of a drive: what adds to M and the bias of (6)."""
+"""Injected loads of the whole crane, inertia of a drive, and booms that bend: in M and bias (6)."""
 
 import math
 
 import numpy as np
 from numba import njit
 
-from crane_sim.effects.form import Draw, Form, Magnitude, Where
-from crane_sim.effects.working import LOADS, Hidden
-from crane_sim.parts.constants import State
+from crane_sim.effects.form import LOADS, Draw, Form, Injected, Magnitude, Where
+from crane_sim.parts.constants import Scratch, State
 from crane_sim.parts.rigid_bodies import (
     Chain,
     Vector,
@@ -32,52 +31,58 @@ from crane_sim.parts.rigid_bodies import (
 ) = range(LOADS, LOADS + 21)  # fmt: skip
 SLEWS = (EVEN_SLEWING, HASTY_SLEWING, UNEVEN_SLEWING)
 
-REACH = 4.0  # m, of the tip, at which a base that yields is tilted as far as its angle says
-LIVELY = 0.2  # rad/s of a swinging load, at which its ways of losing energy are alike
-GUST = ((0.11, 1.0), (0.23, 0.8), (0.41, 0.6), (0.67, 0.5), (1.03, 0.35), (1.57, 0.25))  # Hz, share
+TILT_REACH_M = 4.0  # of the tip, at which a base that yields is tilted as far as its angle says
+LARGE_SWING_SPEED = 0.2  # rad/s of a swinging load, at which its ways of losing energy are alike
+# Hz, share
+GUST_SPECTRUM = ((0.11, 1.0), (0.23, 0.8), (0.41, 0.6), (0.67, 0.5), (1.03, 0.35), (1.57, 0.25))
 
 
 @njit(cache=True, error_model="numpy")
-def carry(hidden: Hidden, k: int, chain: Chain, state: State) -> None:
+def carry(injected: Injected, k: int, chain: Chain, state: State) -> None:
     """Fill inertia and bias that effect k adds at this instant."""
-    law, value = hidden.law[k], hidden.value[k]
-    mass, bias = hidden.mass[k], hidden.bias[k]
+    law, value = injected.law[k], injected.value[k]
+    mass, bias = injected.mass[k], injected.bias[k]
     mass[:] = 0.0
     bias[:] = 0.0
     q, v = state.q, state.v
     size = value[0]
     place(chain, q)
     if law == BODY_AT_TIP:
-        _add_body(chain, v, size, value[1], size * value[2] ** 2, mass, bias)
+        lever, radius = value[1], value[2]
+        _add_body(chain, v, size, lever, size * radius**2, mass, bias)
     elif law == SLUNG:  # by a short sling: it does not turn with the boom
         _add_body(chain, v, size, 0.0, 0.0, mass, bias)
     elif law == SLIDING_BODY:  # in the grapple, towards where the boom points down
         down = -product(chain.links[-1].rotation, vector(chain.outward))[2]
-        _add_body(chain, v, size, value[1] + value[2] * down, size * 0.04, mass, bias)
+        lever, sliding = value[1], value[2]
+        _add_body(chain, v, size, lever + sliding * down, size * 0.04, mass, bias)
     elif law == TILTED:
         _add_tilt(chain, size, bias)
     elif law == SETTLING:
-        _add_tilt(chain, size * (1.0 - value[1] * math.exp(-hidden.clock[0] / value[2])), bias)
+        share, time = value[1], value[2]
+        _add_tilt(chain, size * (1.0 - share * math.exp(-injected.clock[0] / time)), bias)
     elif law == YIELDING:  # the further the crane reaches
         x, y, _ = tip_of(chain)
-        _add_tilt(chain, size * (math.hypot(x, y) / REACH) ** value[1], bias)
+        exponent = value[1]
+        _add_tilt(chain, size * (math.hypot(x, y) / TILT_REACH_M) ** exponent, bias)
     elif law in (HOSE, TAPERED_HOSE, SECOND_HOSE):
         _add_hose(chain, q, v, law, value, mass, bias)
     elif law in (ROD, OIL_COLUMN, GEARED):
-        _add_drive(hidden, k, state, mass, bias)
+        _add_drive(injected, k, state, mass, bias)
     elif law in (PENDULUM, IN_AIR, RUBBING_HOOK):
-        _add_swing(hidden, k, chain, bias)
+        _add_swing(injected, k, chain, bias)
     elif law in SLEWS:
         _note_centrifugal(chain, q, v, mass, bias)
     elif law in (GUSTS, SQUALLS, BREEZE):
-        push = 0.0
-        for n, (frequency, share) in enumerate(GUST):
-            phase = 2.0 * math.pi * ((n + 1.0) * value[1] % 1.0)
-            push += share * math.sin(2.0 * math.pi * frequency * hidden.clock[0] + phase)
+        push, seed = 0.0, value[1]
+        for n, (frequency, share) in enumerate(GUST_SPECTRUM):
+            phase = 2.0 * math.pi * ((n + 1.0) * seed % 1.0)
+            push += share * math.sin(2.0 * math.pi * frequency * injected.clock[0] + phase)
         if law == SQUALLS:
             push = max(push, 0.0) ** 1.5
         elif law == BREEZE:  # it never turns round
-            push = value[2] * (1.0 + 0.3 * push) ** 2
+            steady = value[2]
+            push = steady * (1.0 + 0.3 * push) ** 2
         add_push(chain, tip_of(chain), scaled(-size * push, _outward(chain)), bias)
     else:
         raise ValueError("a law of a load has no branch in effects/loads.py: give it one")
@@ -117,12 +122,12 @@ def _add_body(
     add_push(chain, at, scaled(m, needed), bias)
     for i in range(1, len(links)):
         link, turn = links[i], vector(links[i].turn)
-        way = add_cross(vector(link.slide), turn, at)
+        gradient = add_cross(vector(link.slide), turn, at)
         bias[link.leader] += inertia * dot(turn, alpha)
         for k in range(1, len(links)):
-            other, spun = links[k], vector(links[k].turn)
-            shared = m * dot(way, add_cross(vector(other.slide), spun, at))
-            mass[link.leader, other.leader] += shared + inertia * dot(turn, spun)
+            mover, spun = links[k], vector(links[k].turn)
+            shared = m * dot(gradient, add_cross(vector(mover.slide), spun, at))
+            mass[link.leader, mover.leader] += shared + inertia * dot(turn, spun)
 
 
 @njit(cache=True, error_model="numpy")
@@ -139,18 +144,21 @@ def _add_tilt(chain: Chain, angle: float, bias: np.ndarray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _add_drive(hidden: Hidden, k: int, state: State, mass: np.ndarray, bias: np.ndarray) -> None:
+def _add_drive(
+    injected: Injected, k: int, state: State, mass: np.ndarray, bias: np.ndarray
+) -> None:
     """Inertia M(q) of what one drive moves; by (3) it asks for dM/dq q'^2/2 too."""
-    law, value, i = hidden.law[k], hidden.value[k], hidden.joint[k]
+    law, value, i = injected.law[k], injected.value[k], injected.joint[k]
     size, v = value[0], state.v[i]
     lever, slope = state.actuators[i].lever, state.actuators[i].slope
     if law == GEARED:  # a lever of its own, which does not change
-        mass[i, i] = size * hidden.lever[k] ** 2
+        mass[i, i] = size * injected.lever[k] ** 2
         return
     share, change = 1.0, 0.0  # of the mass, over the range
     if law == OIL_COLUMN:
-        change = value[1] / hidden.half[k]
-        share += change * (state.q[i] - hidden.middle[k])
+        growth = value[1]
+        change = growth / injected.half[k]
+        share += change * (state.q[i] - injected.middle[k])
     mass[i, i] = size * share * lever * lever
     bias[i] = size * (share * lever * slope + 0.5 * change * lever * lever) * v * v
 
@@ -165,11 +173,11 @@ def _out_of_reel(law: int, value: np.ndarray, out: float) -> tuple[float, float,
         shape = 0.0
     first, second = out**2 / (2.0 + shape), out**3 / (3.0 + shape)
     mass, moment, square = density * out / (1.0 + shape), density * first, density * second
-    if law == SECOND_HOSE and out > value[1]:  # it follows after some way
-        more = out - value[1]
-        mass += density * more
-        moment += density * (out**2 - value[1] ** 2) / 2.0
-        square += density * (out**3 - value[1] ** 3) / 3.0
+    begin = value[1]
+    if law == SECOND_HOSE and out > begin:  # it follows after some displacement
+        mass += density * (out - begin)
+        moment += density * (out**2 - begin**2) / 2.0
+        square += density * (out**3 - begin**3) / 3.0
         density *= 2.0
     return mass, moment, square, density
 
@@ -195,12 +203,14 @@ def _add_hose(
             swing = cross(omega, u)
             turning = add_cross(cross(alpha, u), omega, swing)  # u'' without acceleration of joints
             for i in range(1, k):
-                way, a = cross(vector(links[i].turn), u), links[i].leader
-                bias[a] += moment * pull * way[2] + density * out * out * v[j] * dot(way, swing)
-                bias[a] += square * dot(way, turning)
+                gradient, a = cross(vector(links[i].turn), u), links[i].leader
+                bias[a] += moment * pull * gradient[2] + density * out * out * v[j] * dot(
+                    gradient, swing
+                )
+                bias[a] += square * dot(gradient, turning)
                 for n in range(1, k):
-                    other = cross(vector(links[n].turn), u)
-                    mass[a, links[n].leader] += square * dot(way, other)
+                    turned = cross(vector(links[n].turn), u)
+                    mass[a, links[n].leader] += square * dot(gradient, turned)
             mass[j, j] += carried
             bias[j] += 0.5 * density * (v[j] ** 2 - out * out * dot(swing, swing))
             bias[j] += density * pull * out * u[2]
@@ -223,45 +233,46 @@ def _note_centrifugal(
 
 
 @njit(cache=True, error_model="numpy")
-def _add_swing(hidden: Hidden, k: int, chain: Chain, bias: np.ndarray) -> None:
+def _add_swing(injected: Injected, k: int, chain: Chain, bias: np.ndarray) -> None:
     """Force of the load's motion relative to the tip, as it was in the last step.
 
     memory: angle and rate of the pendulum, acceleration outward and upward relative to the tip.
     """
-    size, memory = hidden.value[k, 0], hidden.memory[k]
-    outward, at = scaled(size * memory[2], _outward(chain)), tip_of(chain)
-    force = (outward[0], outward[1], size * memory[3])
-    add_push(chain, at, force, bias)
+    size, memory = injected.value[k, 0], injected.memory[k]
+    outward, upward = scaled(size * memory[2], _outward(chain)), size * memory[3]
+    add_push(chain, tip_of(chain), (outward[0], outward[1], upward), bias)
 
 
 @njit(cache=True, error_model="numpy")
 def swing(
-    hidden: Hidden, k: int, chain: Chain, q: np.ndarray, change: np.ndarray, step: float
+    injected: Injected, k: int, chain: Chain, q: np.ndarray, change: np.ndarray, step: float
 ) -> None:
     """A plane pendulum under the tip after a step that changed the velocities by `change` (j,).
 
     Angles of any size; what the tip's acceleration has from velocities alone is left out, as it is
     far below g.
     """
-    law, value, memory = hidden.law[k], hidden.value[k], hidden.memory[k]
+    law, value, memory = injected.law[k], injected.value[k], injected.memory[k]
     length, damping = value[1], value[2]
     place(chain, q)
     gained = (0.0, 0.0, 0.0)  # velocity of the tip
     for i in range(1, len(chain.links)):
         link = chain.links[i]
-        way = add_cross(vector(link.slide), vector(link.turn), tip_of(chain))
-        gained = summed(gained, scaled(change[link.leader], way))
+        gradient = add_cross(vector(link.slide), vector(link.turn), tip_of(chain))
+        gained = summed(gained, scaled(change[link.leader], gradient))
     pull = -chain.gravity[2]
     outward, upward = dot(gained, _outward(chain)) / step, gained[2] / step + pull
     angle, rate = memory[0], memory[1]
     turning = -(outward * math.cos(angle) + upward * math.sin(angle)) / length
-    own = math.sqrt(pull / length)
+    omega = math.sqrt(pull / length)
     if law == IN_AIR:  # its drag grows with the square of its speed
-        turning -= 2.0 * damping * own * rate * abs(rate) / LIVELY
+        turning -= 2.0 * damping * omega * rate * abs(rate) / LARGE_SWING_SPEED
     elif law == RUBBING_HOOK:
-        turning -= 2.0 * damping * own * LIVELY * math.tanh(rate / (0.2 * LIVELY))
+        turning -= (
+            2.0 * damping * omega * LARGE_SWING_SPEED * math.tanh(rate / (0.2 * LARGE_SWING_SPEED))
+        )
     else:
-        turning -= 2.0 * damping * own * rate
+        turning -= 2.0 * damping * omega * rate
     rate += step * turning
     memory[0], memory[1] = angle + step * rate, rate
     memory[2] = length * (turning * math.cos(angle) - rate * rate * math.sin(angle))
@@ -278,7 +289,7 @@ _SLEW = Magnitude("speed", "rad/s", 0.2, 0.38)
 _SWINGS = Draw("frequency", "rad/s", 0.5, 0.9)
 _WIND, _WHEN = Magnitude("force", "N", 20.0, 2000.0), Draw("phase", "1", 0.0, 1.0)
 
-FORMS = (
+LOAD_FORMS = (
     Form("payload", "body", BODY_AT_TIP, _LOAD,
          (Draw("reach", "m", 0.0, 0.3), Draw("gyration", "m", 0.1, 0.3)), Where.WHOLE),
     Form("payload", "slung", SLUNG, _LOAD, (), Where.WHOLE),
@@ -310,4 +321,132 @@ FORMS = (
     Form("wind", "squalls", SQUALLS, _WIND, (_WHEN,), Where.WHOLE, outside=True),
     Form("wind", "breeze", BREEZE, _WIND, (_WHEN, Draw("mean", "1", 0.5, 1.0)), Where.WHOLE,
          outside=True),
+)  # fmt: skip
+
+
+# A boom that bends: part of what a joint moves rides on two springs behind the joint.
+#
+# Either mode carries a share of all that the joint moves, bent by e in the coordinate of the joint:
+# with M, h of (6) at q + e, q' + e', its own balance M_i (q'' + e'') + h_i = -k e - d e' gives e'',
+# and what it asks of every other joint, M_j (q'' + e'') + h_j, is the inertia and the weight of
+# bodies where they really are. k and d are constant, so that the frequency follows the pose.
+
+TWO_MODES, ONE_MODE, PROGRESSIVE_BEND = range(LOADS + 50, LOADS + 53)
+
+BENDING_MODES = ((1.0, 1.0), (2.7, 0.25))  # frequency and share, of those of the first
+INERTIA_SLOT = (
+    4  # in the memory: after two deflections and their rates, that of the joint at the start
+)
+SAG_PASSES = 50  # in which a boom sags to where its springs hold it
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def carry_bent(
+    injected: Injected, k: int, chain: Chain, q: np.ndarray, v: np.ndarray, free: Scratch
+) -> None:
+    """Fill inertia and bias of what rides on the springs, less those of the same parts unbent.
+
+    `free` has M and h of (6) without effects. e'' is eliminated, so that no step is too long for
+    the light rest that does not bend; what it follows from is kept for `bend`.
+    """
+    value, memory, i = injected.value[k], injected.memory[k], injected.joint[k]
+    mass, bias = injected.mass[k], injected.bias[k]
+    if memory[INERTIA_SLOT] == 0.0:
+        _sag(injected, k, chain, q)
+    count, size = _count(injected.law[k]), value[0]
+    riding = 0.0
+    for mode in range(count):
+        riding += size * BENDING_MODES[mode][1]
+    for a in range(len(q)):
+        bias[a] = -riding * free.bias[a]
+        for b in range(len(q)):
+            mass[a, b] = -riding * free.mass[a, b]
+    bent_mass, bent_bias = injected.bent_mass, injected.bent_bias
+    for mode in range(count):
+        share = size * BENDING_MODES[mode][1]
+        _bent(injected, k, mode, chain, q, v, bent_mass, bent_bias)
+        push = bent_bias[i] + _spring(injected, k, mode)
+        for a in range(len(q)):
+            lever = bent_mass[a, i] / bent_mass[i, i]
+            injected.slowing[k, mode, a] = lever
+            bias[a] += share * (bent_bias[a] - lever * push)
+            for b in range(len(q)):
+                mass[a, b] += share * (bent_mass[a, b] - lever * bent_mass[i, b])
+        injected.slowing[k, mode, -1] = push / bent_mass[i, i]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def bend(injected: Injected, k: int, change: np.ndarray, step: float) -> None:
+    """Modes after a step that changed the velocities by `change` (j,); symplectic."""
+    memory = injected.memory[k]
+    for mode in range(_count(injected.law[k])):
+        slowing = injected.slowing[k, mode, -1]
+        for a in range(len(change)):
+            slowing += injected.slowing[k, mode, a] * change[a] / step
+        memory[2 + mode] -= step * slowing
+        memory[mode] += step * memory[2 + mode]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _bent(
+    injected: Injected, k: int, mode: int, chain: Chain, q: np.ndarray, v: np.ndarray,
+    mass: np.ndarray, bias: np.ndarray,
+) -> None:  # fmt: skip
+    """M and h of (6) where the mode has bent the crane."""
+    memory, i = injected.memory[k], injected.joint[k]
+    straight_q, straight_v = q[i], v[i]
+    q[i] += memory[mode]
+    v[i] += memory[2 + mode]
+    mass_and_bias(chain, q, v, mass, bias)
+    q[i], v[i] = straight_q, straight_v
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _spring(injected: Injected, k: int, mode: int) -> float:
+    """k e + d e' of a mode that carried all of the inertia [N m, N]."""
+    memory = injected.memory[k]
+    omega = 2.0 * math.pi * injected.value[k, 1] * BENDING_MODES[mode][0]
+    damper = 2.0 * injected.value[k, 2] * omega
+    deflection = memory[mode]
+    if injected.law[k] == PROGRESSIVE_BEND:
+        deflection *= 1.0 + (deflection / injected.value[k, 3]) ** 2
+    return memory[INERTIA_SLOT] * (omega * omega * deflection + damper * memory[2 + mode])
+
+
+@njit(cache=True, error_model="numpy")
+def _count(law: int) -> int:
+    """Modes of a law."""
+    if law == TWO_MODES:
+        return 2
+    if law in (ONE_MODE, PROGRESSIVE_BEND):
+        return 1
+    raise ValueError("a law of a bend has no branch in effects/loads.py: give it one")
+
+
+@njit(cache=True, error_model="numpy")
+def _sag(injected: Injected, k: int, chain: Chain, q: np.ndarray) -> None:
+    """The inertia that sets the springs, and where they hold the crane at rest."""
+    memory, i = injected.memory[k], injected.joint[k]
+    still, mass, bias = np.zeros(len(q)), np.empty((len(q), len(q))), np.empty(len(q))
+    mass_and_bias(chain, q, still, mass, bias)
+    memory[INERTIA_SLOT] = mass[i, i]
+    for mode in range(_count(injected.law[k])):
+        omega = 2.0 * math.pi * injected.value[k, 1] * BENDING_MODES[mode][0]
+        for _ in range(SAG_PASSES):
+            _bent(injected, k, mode, chain, q, still, mass, bias)
+            slope = omega**2 * memory[INERTIA_SLOT]
+            if injected.law[k] == PROGRESSIVE_BEND:
+                slope *= 1.0 + 3.0 * (memory[mode] / injected.value[k, 3]) ** 2
+            memory[mode] -= (bias[i] + _spring(injected, k, mode)) / slope
+
+
+_SHARE = Magnitude("share", "1", 0.1, 0.7)
+_QUICK, _DAMPING = Draw("frequency", "Hz", 5.0, 12.0), Draw("damping", "1", 0.03, 0.15)
+
+BENDING_FORMS = (
+    Form("boom_flexibility", "two_modes", TWO_MODES, _SHARE,
+         (Draw("frequency", "Hz", 0.7, 12.0, ratio=True), _DAMPING)),
+    Form("boom_flexibility", "one_mode", ONE_MODE, _SHARE, (_QUICK, _DAMPING)),
+    Form("boom_flexibility", "progressive", PROGRESSIVE_BEND, _SHARE,
+         (_QUICK, _DAMPING, Draw("softness", "{coordinate}", 3e-3, 2e-2))),
 )  # fmt: skip

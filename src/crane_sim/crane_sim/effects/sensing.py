@@ -1,16 +1,400 @@
-"""Families of hidden faults of sensors: zeros, gains, delays, and some that no catalogue has."""
+"""Injected faults of sensors: zeros, gains, delays, and the small flaws of every machine."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit
 
 from crane_model.machine import Machine
-from crane_sim.effects import encoders, readings, transducers
-from crane_sim.effects.form import Draw, Form, Magnitude, Planted, SensorFault, Where
+from crane_sim.effects.form import (
+    Draw,
+    Form,
+    Magnitude,
+    Planted,
+    SensorFault,
+    Where,
+    measured_joints,
+)
+
+ChamberPressures = tuple[np.ndarray, np.ndarray]
+MINUTE_S = 60.0
+REFERENCE_PRESSURE_PA = 5e6  # where a gain that follows the pressure is what it says
+
+PISTON_RATE_HZ = (170.0, 260.0)  # strokes of the pump's pistons a second, far above the sampling
+PULSATION_PA = (1e3, 6e3)  # in a chamber, below the noise of a transducer
+SECOND_HARMONIC = 0.4  # of the pulsation, twice as fast
+PULSATION_DRIFT = 0.004  # of the rate: the motor slips as the load comes and goes
+DRIFT_RAD_S = 0.5
+ECCENTRICITY_RAD = (5e-5, 2e-4)  # 1 to 4 counts of an encoder
+
+
+# Transducers: zeros, gains, nonlinearity.
+
+
+class OneTransducer(SensorFault, ABC):
+    """A fault of the transducer of chamber A."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        shown = chamber_a.copy()
+        shown[:, self.column] = self.shown(time, chamber_a[:, self.column])
+        return shown, chamber_b
+
+    @abstractmethod
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """What it shows of a pressure (n,) [Pa]."""
+
+
+class BothTransducers(SensorFault, ABC):
+    """A fault of the transducers of both chambers, the same in each."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
+        shown_a[:, self.column] = self.shown(time, chamber_a[:, self.column])
+        shown_b[:, self.column] = self.shown(time, chamber_b[:, self.column])
+        return shown_a, shown_b
+
+    @abstractmethod
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """What either shows of a pressure (n,) [Pa]."""
+
+
+class Zero(OneTransducer):
+    """A zero that has been lost, and comes back a little as the transducer warms up."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        offset, recovery, warming = self.values
+        gone = recovery * (1.0 - np.exp(-time / warming))
+        return pressure + offset * (1.0 - gone)
+
+
+class DriftingZero(OneTransducer):
+    """A zero that goes on drifting."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        offset, drift = self.values
+        return pressure + offset * (1.0 + drift * time / MINUTE_S)
+
+
+class OverloadedZero(OneTransducer):
+    """A zero that was lost by an overload, which shows less the higher the pressure."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        offset, stiff = self.values
+        return pressure + offset / (1.0 + np.maximum(pressure, 0.0) / stiff)
+
+
+class Bow(OneTransducer):
+    """A characteristic that is bent in between its two calibrated ends."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        bow, span = self.values
+        ratio = pressure / span
+        return pressure + 4.0 * bow * ratio * (1.0 - ratio)
+
+
+class CubicBow(OneTransducer):
+    """A characteristic bent both ways between its ends."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        bow, span = self.values
+        ratio = pressure / span
+        return pressure + 20.8 * bow * ratio * (1.0 - ratio) * (0.5 - ratio)
+
+
+class Knee(OneTransducer):
+    """A characteristic that goes on less steeply from some pressure."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        bow, knee, span = self.values
+        return pressure - bow * np.maximum(pressure - knee, 0.0) / (span - knee)
+
+
+class BothGains(BothTransducers):
+    """Both transducers of a cylinder, or its piston areas, off by one factor."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        (gain,) = self.values
+        return pressure * (1.0 + gain)
+
+
+class GainOfB(SensorFault):
+    """The transducer of chamber B off by a factor."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        (gain,) = self.values
+        shown = chamber_b.copy()
+        shown[:, self.column] *= 1.0 + gain
+        return chamber_a, shown
+
+
+class PressedGainOfB(SensorFault):
+    """The transducer of chamber B off by a factor that follows the pressure."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        gain, exponent = self.values
+        shown = chamber_b.copy()
+        ratio = np.maximum(chamber_b[:, self.column], 0.0) / REFERENCE_PRESSURE_PA
+        shown[:, self.column] += gain * REFERENCE_PRESSURE_PA * ratio**exponent
+        return chamber_a, shown
+
+
+class OpposedGains(SensorFault):
+    """The transducer of chamber B off by a factor, that of A by a part of it, the other way."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        gain, share = self.values
+        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
+        shown_a[:, self.column] *= 1.0 - share * gain
+        shown_b[:, self.column] *= 1.0 + gain
+        return shown_a, shown_b
+
+
+# Encoders: turned, off their centres, ill divided.
+
+
+class Turned(SensorFault):
+    """An encoder that was mounted a little turned."""
+
+    def positions(self, q: np.ndarray) -> np.ndarray:
+        shown = q.copy()
+        (offset,) = self.values
+        shown[..., self.column] += offset
+        return shown
+
+
+class Strained(SensorFault):
+    """An encoder whose coupling was mounted turned and a little bent."""
+
+    def positions(self, q: np.ndarray) -> np.ndarray:
+        shown = q.copy()
+        offset, share, phase = self.values
+        shown[..., self.column] += offset * (1.0 + share * np.sin(q[..., self.column] + phase))
+        return shown
+
+
+class Slipped(SensorFault):
+    """An encoder that was mounted turned, on a wheel of not quite the right size."""
+
+    def positions(self, q: np.ndarray) -> np.ndarray:
+        shown = q.copy()
+        offset, share = self.values
+        shown[..., self.column] += offset * (1.0 + share * q[..., self.column])
+        return shown
+
+
+class Eccentric(SensorFault):
+    """An encoder disk off its centre: an error that follows the sine of the angle."""
+
+    def positions(self, q: np.ndarray) -> np.ndarray:
+        shown = q.copy()
+        error, turns, phase = self.values
+        shown[..., self.column] += error * np.sin(turns * q[..., self.column] + phase)
+        return shown
+
+
+class TwoLobes(SensorFault):
+    """A disk off its centre and not round."""
+
+    def positions(self, q: np.ndarray) -> np.ndarray:
+        shown = q.copy()
+        error, turns, phase, second = self.values
+        angle = turns * q[..., self.column] + phase
+        shown[..., self.column] += error * (np.sin(angle) + second * np.sin(2.0 * angle))
+        return shown
+
+
+class Graduation(SensorFault):
+    """A disk whose lines were divided with an error that builds up and jumps back."""
+
+    def positions(self, q: np.ndarray) -> np.ndarray:
+        shown = q.copy()
+        error, turns, phase = self.values
+        angle = turns * q[..., self.column] + phase
+        shown[..., self.column] += error * np.arctan2(np.sin(angle), 1.5 + np.cos(angle))
+        return shown
+
+
+# Readings of transducers: pulsation, crosstalk, delays.
+
+
+class Ripple(SensorFault):
+    """The pump's pulsation in both chambers, aliased by the sampling, slowly beating."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        ripple, frequency = self.values
+        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
+        phase = 2.0 * np.pi * frequency * time
+        beat = ripple * (1.0 + 0.3 * np.sin(0.9 * time))
+        shown_a[:, self.column] += beat * np.sin(phase)
+        shown_b[:, self.column] += 0.4 * beat * np.sin(phase - 1.0)
+        return shown_a, shown_b
+
+
+class WanderingRipple(SensorFault):
+    """As of a pump whose speed wanders: the pulsation is nowhere for long."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        ripple, frequency, wander = self.values
+        shown = chamber_a.copy()
+        phase = 2.0 * np.pi * frequency * (time + wander * np.sin(0.4 * time))
+        shown[:, self.column] += ripple * np.sin(phase)
+        return shown, chamber_b
+
+
+class TwoRipples(SensorFault):
+    """Two pumps, each with a line of its own, in both chambers."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        ripple, frequency, ratio = self.values
+        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
+        both = np.sin(2.0 * np.pi * frequency * time)
+        both = ripple * (both + 0.6 * np.sin(2.0 * np.pi * ratio * frequency * time + 1.0))
+        shown_a[:, self.column] += both
+        shown_b[:, self.column] -= 0.3 * both
+        return shown_a, shown_b
+
+
+class Crosstalk(SensorFault):
+    """A channel that picks up some of the next joint's."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        share = self.values[0]
+        following = self.measured.index(self.column) + 1
+        source = self.measured[following % len(self.measured)]
+        shown = chamber_a.copy()
+        shown[:, self.column] += share * chamber_b[:, source]
+        return shown, chamber_b
+
+
+class CrosstalkOfA(Crosstalk):
+    """A channel that picks up some of the like one of the next joint."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        return super().pressures(time, chamber_a, chamber_a)[0], chamber_b
+
+
+class SharedGround(Crosstalk):
+    """Channels of which one lifts the other's ground, more than in proportion."""
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> ChamberPressures:
+        lifted = (
+            REFERENCE_PRESSURE_PA
+            * (np.maximum(chamber_b, 0.0) / REFERENCE_PRESSURE_PA) ** self.values[1]
+        )
+        return super().pressures(time, chamber_a, lifted)[0], chamber_b
+
+
+class DelayedReadings(BothTransducers):
+    """Pressures that are stamped late: those of a moment before are shown."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        (delay,) = self.values
+        return np.interp(time - delay, time, pressure)
+
+
+class LaggingReadings(BothTransducers):
+    """A narrow line before the transducers: first order, with the same delay at low frequency."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        (lag,) = self.values
+        return _lagging(time, np.ascontiguousarray(pressure), lag)
+
+
+class AveragedReadings(BothTransducers):
+    """Readings that are means over a time, stamped late: a share of the delay is half that time."""
+
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        delay, share = self.values
+        steps = np.diff(time)
+        summed = np.append(0.0, np.cumsum((pressure[1:] + pressure[:-1]) / 2.0 * steps))
+        end = np.maximum(time - (1.0 - share) * delay, time[0])
+        begin = np.maximum(end - 2.0 * share * delay, time[0])
+        over = end - begin
+        mean = np.diff(np.interp(np.stack([begin, end]), time, summed), axis=0)[0]
+        mean /= np.where(over > 0.0, over, 1.0)
+        return np.where(over > 0.0, mean, pressure[0])
+
+
+@njit(cache=True)
+def _lagging(time: np.ndarray, true: np.ndarray, lag: float) -> np.ndarray:
+    """Exact for a true signal that is straight between samples."""
+    shown = true.copy()
+    for k in range(1, len(true)):
+        interval = time[k] - time[k - 1]
+        slope = (true[k] - true[k - 1]) / interval
+        behind = true[k - 1] - slope * lag  # where the answer to this straight line begins
+        decay = np.exp(-interval / lag)
+        shown[k] = behind + slope * interval + (shown[k - 1] - behind) * decay
+    return shown
+
+
+# Flaws of the sensors of every machine: structured noise, no effect to be found.
+
+
+class PumpPulsation(SensorFault):
+    """The pump's pulsation in all chambers, which the sampling aliases to wherever it falls.
+
+    `values`: rate [Hz], then pulsation [Pa] and phase [rad] of chambers A and B of each joint.
+    """
+
+    def pressures(
+        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        rate, *rest = self.values
+        chambers = np.array(rest).reshape(2, 2, -1)  # chamber, pulsation or phase, joint
+        slip = PULSATION_DRIFT / DRIFT_RAD_S * np.cos(DRIFT_RAD_S * time)
+        angle = 2.0 * np.pi * rate * (time + slip)[:, np.newaxis]
+        shown = [
+            pressure
+            + size * (np.sin(angle + phase) + SECOND_HARMONIC * np.sin(2.0 * angle + phase))
+            for pressure, (size, phase) in zip((chamber_a, chamber_b), chambers, strict=True)
+        ]
+        return shown[0], shown[1]
+
+
+def drawn_flaws(machine: Machine, seed: int) -> tuple[SensorFault, ...]:
+    """Pulsation of the pump, and encoder disks a little off their centres; the same seed gives the
+    same ones.
+    """
+    rng = np.random.default_rng([seed, 11])
+    joints = measured_joints(machine)
+    count = len(machine.joint_names)
+    sizes, phases = rng.uniform(*PULSATION_PA, (2, count)), rng.uniform(0.0, 2 * np.pi, (2, count))
+    chambers = np.stack([sizes, phases], axis=1).ravel()
+    rate = rng.uniform(*PISTON_RATE_HZ)
+    eccentric = [
+        Eccentric(machine, joint, (rng.uniform(*ECCENTRICITY_RAD), 1.0, rng.uniform(0, 2 * np.pi)))
+        for joint in joints
+        if machine.units[joint] == "rad"
+    ]
+    return (*eccentric, PumpPulsation(machine, joints[0], (rate, *chambers)))
 
 
 def faults(planted: Sequence[Planted], machine: Machine) -> tuple[SensorFault, ...]:
-    """The faults among hidden effects, in their order."""
+    """The faults among injected effects, in their order."""
     return tuple(
         effect.form.law(machine, effect.joint, effect.values)
         for effect in planted
@@ -27,51 +411,51 @@ _ERROR = Magnitude("error", "{coordinate}", 0.01, 0.1)
 _DISK = (Draw("turns", "rad/{coordinate}", 6.0, 16.0), Draw("phase", "rad", 0.0, 2 * np.pi))
 _PICKED_UP = Magnitude("share", "1", 0.02, 0.5)
 
-FORMS = (
-    Form("pressure_offset", "warming", transducers.Zero, _OFFSET,
+SENSING_FORMS = (
+    Form("pressure_offset", "warming", Zero, _OFFSET,
          (Draw("recovery", "1", 0.0, 0.1), Draw("warming", "s", 30.0, 90.0)), signed=True),
-    Form("pressure_offset", "drifting", transducers.DriftingZero, _OFFSET,
+    Form("pressure_offset", "drifting", DriftingZero, _OFFSET,
          (Draw("drift", "1/min", -0.1, 0.1),), signed=True),
-    Form("pressure_offset", "overloaded", transducers.OverloadedZero, _OFFSET,
+    Form("pressure_offset", "overloaded", OverloadedZero, _OFFSET,
          (Draw("stiff", "Pa", 6e7, 2e8),), signed=True),
-    Form("pressure_gain", "both", transducers.BothGains, Magnitude("gain", "1", 0.02, 0.5),
+    Form("pressure_gain", "both", BothGains, Magnitude("gain", "1", 0.02, 0.5),
          signed=True),
-    Form("chamber_gain", "chamber_b", transducers.GainOfB, _GAIN_B, signed=True),
-    Form("chamber_gain", "pressed", transducers.PressedGainOfB, _GAIN_B,
+    Form("chamber_gain", "chamber_b", GainOfB, _GAIN_B, signed=True),
+    Form("chamber_gain", "pressed", PressedGainOfB, _GAIN_B,
          (Draw("exponent", "1", 0.8, 1.2),), signed=True),
-    Form("chamber_gain", "opposed", transducers.OpposedGains, _GAIN_B,
+    Form("chamber_gain", "opposed", OpposedGains, _GAIN_B,
          (Draw("share", "1", 0.0, 0.5),), signed=True),
-    Form("encoder_offset", "turned", encoders.Turned, _TURNED, (), Where.TURNING, signed=True),
-    Form("encoder_offset", "strained", encoders.Strained, _TURNED,
+    Form("encoder_offset", "turned", Turned, _TURNED, (), Where.TURNING, signed=True),
+    Form("encoder_offset", "strained", Strained, _TURNED,
          (Draw("share", "1", 0.0, 0.2), Draw("phase", "rad", 0.0, 2 * np.pi)), Where.TURNING,
          signed=True),
-    Form("encoder_offset", "slipped", encoders.Slipped, _TURNED, (Draw("share", "1", -0.1, 0.1),),
+    Form("encoder_offset", "slipped", Slipped, _TURNED, (Draw("share", "1", -0.1, 0.1),),
          Where.TURNING, signed=True),
-    Form("time_skew", "delay", readings.DelayedReadings, Magnitude("delay", "s", 0.01, 0.2)),
-    Form("time_skew", "lag", readings.LaggingReadings, Magnitude("lag", "s", 0.01, 0.2)),
-    Form("time_skew", "averaged", readings.AveragedReadings, Magnitude("delay", "s", 0.01, 0.2),
+    Form("time_skew", "delay", DelayedReadings, Magnitude("delay", "s", 0.01, 0.2)),
+    Form("time_skew", "lag", LaggingReadings, Magnitude("lag", "s", 0.01, 0.2)),
+    Form("time_skew", "averaged", AveragedReadings, Magnitude("delay", "s", 0.01, 0.2),
          (Draw("share", "1", 0.3, 1.0),)),
-    Form("crosstalk", "next_joint", readings.Crosstalk, _PICKED_UP,
+    Form("crosstalk", "next_joint", Crosstalk, _PICKED_UP,
          outside=True, signed=True),
-    Form("crosstalk", "of_chamber_a", readings.CrosstalkOfA, _PICKED_UP,
+    Form("crosstalk", "of_chamber_a", CrosstalkOfA, _PICKED_UP,
          outside=True, signed=True),
-    Form("crosstalk", "shared_ground", readings.SharedGround, _PICKED_UP,
+    Form("crosstalk", "shared_ground", SharedGround, _PICKED_UP,
          (Draw("exponent", "1", 1.4, 2.4),), outside=True, signed=True),
-    Form("encoder_eccentricity", "disk", encoders.Eccentric, _ERROR, _DISK, Where.TURNING,
+    Form("encoder_eccentricity", "disk", Eccentric, _ERROR, _DISK, Where.TURNING,
          outside=True),
-    Form("encoder_eccentricity", "two_lobes", encoders.TwoLobes, _ERROR,
+    Form("encoder_eccentricity", "two_lobes", TwoLobes, _ERROR,
          (*_DISK, Draw("second", "1", 0.2, 0.6)), Where.TURNING, outside=True),
-    Form("encoder_eccentricity", "graduation", encoders.Graduation, _ERROR, _DISK, Where.TURNING,
+    Form("encoder_eccentricity", "graduation", Graduation, _ERROR, _DISK, Where.TURNING,
          outside=True),
-    Form("transducer_bow", "parabola", transducers.Bow, _BOW, (_SPAN,),
+    Form("transducer_bow", "parabola", Bow, _BOW, (_SPAN,),
          outside=True, signed=True),
-    Form("transducer_bow", "cubic", transducers.CubicBow, _BOW, (_SPAN,),
+    Form("transducer_bow", "cubic", CubicBow, _BOW, (_SPAN,),
          outside=True, signed=True),
-    Form("transducer_bow", "knee", transducers.Knee, _BOW, (Draw("knee", "Pa", 3e6, 6e6), _SPAN),
+    Form("transducer_bow", "knee", Knee, _BOW, (Draw("knee", "Pa", 3e6, 6e6), _SPAN),
          outside=True, signed=True),
-    Form("pressure_ripple", "pump", readings.Ripple, _RIPPLE, (_RATE,), outside=True),
-    Form("pressure_ripple", "wandering", readings.WanderingRipple, _RIPPLE,
+    Form("pressure_ripple", "pump", Ripple, _RIPPLE, (_RATE,), outside=True),
+    Form("pressure_ripple", "wandering", WanderingRipple, _RIPPLE,
          (_RATE, Draw("wander", "s", 0.02, 0.1)), outside=True),
-    Form("pressure_ripple", "two_pumps", readings.TwoRipples, _RIPPLE,
+    Form("pressure_ripple", "two_pumps", TwoRipples, _RIPPLE,
          (_RATE, Draw("ratio", "1", 1.3, 2.2)), outside=True),
 )  # fmt: skip

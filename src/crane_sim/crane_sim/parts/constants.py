@@ -9,14 +9,20 @@ from crane_model.cylinders import lever_arm
 from crane_model.errors import ConfigurationError
 from crane_model.kinematics import link_transforms
 from crane_model.machine import Machine
-from crane_sim.parts.cylinders import BRISTLES, CYLINDER, EDGES, LAW, VALVE, Linkages, Oil
-from crane_sim.parts.parameters import StandIn, column
+from crane_sim.parts.cylinders import (
+    BRISTLE_FIELDS,
+    CYLINDER_FIELDS,
+    EDGES,
+    LAW_FIELDS,
+    VALVE_FIELDS,
+    Linkages,
+    Oil,
+)
+from crane_sim.parts.parameters import SimulatedCrane, column
 from crane_sim.parts.rigid_bodies import LINK, Chain
 
-# The machine and the stand-in's parameters, packed for compiled code: one record a joint.
-
-MARGIN = 0.1  # of its range, by which a joint may leave it against the end stops
-ENDLESS = 1e30  # m, rad
+RANGE_MARGIN = 0.1  # of its range, by which a joint may leave it against the end stops
+ENDLESS_STROKE = 1e30  # m, rad
 
 
 class Constants(NamedTuple):
@@ -25,9 +31,9 @@ class Constants(NamedTuple):
     chain: Chain
     linkages: Linkages
     oil: Oil
-    cylinders: np.ndarray  # fields CYLINDER
-    valves: np.ndarray  # fields VALVE
-    friction: np.ndarray  # fields LAW and BRISTLES
+    cylinders: np.ndarray  # fields CYLINDER_FIELDS
+    valves: np.ndarray  # fields VALVE_FIELDS
+    friction: np.ndarray  # fields LAW_FIELDS and BRISTLE_FIELDS
     dynamic_friction: bool
 
 
@@ -41,7 +47,7 @@ def records(fields: Sequence[str], columns: Mapping[str, np.ndarray]) -> np.ndar
     return table
 
 
-def pack(parameters: StandIn, machine: Machine) -> Constants:
+def pack(parameters: SimulatedCrane, machine: Machine) -> Constants:
     """Constants of the plant."""
     return Constants(
         pack_chain(parameters, machine),
@@ -54,7 +60,7 @@ def pack(parameters: StandIn, machine: Machine) -> Constants:
     )
 
 
-def pack_chain(parameters: StandIn, machine: Machine) -> Chain:
+def pack_chain(parameters: SimulatedCrane, machine: Machine) -> Chain:
     """The bodies of each link as one, in the zero pose."""
     names = [joint.name for joint in machine.joints]
     frames = link_transforms(machine, np.zeros(len(machine.joint_names)))[0]
@@ -77,8 +83,8 @@ def pack_chain(parameters: StandIn, machine: Machine) -> Chain:
         link["inertia"] += turned @ body.tensor @ turned.T + body.mass * _steiner(place)
     if bare := [name for name, m in zip(names, links["mass"][1:], strict=True) if m == 0.0]:
         raise ConfigurationError(
-            f"stand-in '{parameters.name}': key 'bodies': no body has the link {', '.join(bare)}; "
-            "every link of the machine needs one"
+            f"simulated crane '{parameters.name}': key 'bodies': no body has the link "
+            f"{', '.join(bare)}; every link of the machine needs one"
         )
     for link in links[1:]:
         link["centre"] /= link["mass"]
@@ -108,19 +114,21 @@ def _outward(link: np.void, tip: np.ndarray) -> np.ndarray:
     return outward
 
 
-def pack_friction(parameters: StandIn) -> np.ndarray:
+def pack_friction(parameters: SimulatedCrane) -> np.ndarray:
     """(13) for the two directions; the fields of LuGre are zero where friction is not dynamic."""
     law, bristles = parameters.friction, parameters.dynamic_friction
     f_c, df_c, f_v, df_v = (column(law, key) for key in ("f_c", "df_c", "f_v", "df_v"))
     unused = np.zeros(len(law))
     return records(
-        (*LAW, *BRISTLES),
+        (*LAW_FIELDS, *BRISTLE_FIELDS),
         {
             "coulomb_up": f_c + df_c,
             "coulomb_down": f_c - df_c,
             "viscous_up": f_v + df_v,
             "viscous_down": f_v - df_v,
-            **{key: unused if bristles is None else column(bristles, key) for key in BRISTLES},
+            **{
+                key: unused if bristles is None else column(bristles, key) for key in BRISTLE_FIELDS
+            },
         },
     )
 
@@ -129,7 +137,7 @@ def _pack_linkages(machine: Machine) -> Linkages:
     packed = []
     for joint, actuator in machine.actuators.items():
         limits = machine.limits[joint]
-        beyond = MARGIN * (limits.position_max - limits.position_min)
+        beyond = RANGE_MARGIN * (limits.position_max - limits.position_min)
         packed.append(actuator.linkage(limits.position_min - beyond, limits.position_max + beyond))
     ends = np.cumsum([len(linkage.constants) for linkage in packed])
     return Linkages(
@@ -140,21 +148,26 @@ def _pack_linkages(machine: Machine) -> Linkages:
     )
 
 
-def _pack_cylinders(parameters: StandIn, machine: Machine) -> np.ndarray:
+def _pack_cylinders(parameters: SimulatedCrane, machine: Machine) -> np.ndarray:
     inside = parameters.cylinders
     known = {
         key: np.array([getattr(machine.cylinders[joint], key) for joint in machine.joint_names])
         for key in ("area_a", "area_b", "length_min", "length_max")
     }
     chambers = [machine.cylinders[joint].chambers for joint in machine.joint_names]
-    growths = np.array([(one.growth_a, one.growth_b) for one in chambers]).T
+    growths = np.array([(chamber.growth_a, chamber.growth_b) for chamber in chambers]).T
     filled = dict(zip(("filled_a", "filled_b"), growths, strict=True))
-    known |= {end: np.clip(known[end], -ENDLESS, ENDLESS) for end in ("length_min", "length_max")}
+    known |= {
+        end: np.clip(known[end], -ENDLESS_STROKE, ENDLESS_STROKE)
+        for end in ("length_min", "length_max")
+    }
     known |= filled
-    return records(CYLINDER, known | {k: column(inside, k) for k in CYLINDER if k not in known})
+    return records(
+        CYLINDER_FIELDS, known | {k: column(inside, k) for k in CYLINDER_FIELDS if k not in known}
+    )
 
 
-def _pack_valves(parameters: StandIn, machine: Machine) -> np.ndarray:
+def _pack_valves(parameters: SimulatedCrane, machine: Machine) -> np.ndarray:
     valves, rest = parameters.valves, parameters.start[:, None]
     levers = [lever_arm(machine, joint, rest[i])[0] for i, joint in enumerate(machine.joint_names)]
     sense = np.sign(levers)
@@ -163,7 +176,7 @@ def _pack_valves(parameters: StandIn, machine: Machine) -> np.ndarray:
         edge: np.array([getattr(valve.edges, edge) for valve in valves.values()]) for edge in EDGES
     }
     return records(
-        VALVE,
+        VALVE_FIELDS,
         {
             "sense": sense,
             "frequency": 2.0 * np.pi * column(valves, "natural_frequency"),
@@ -176,7 +189,7 @@ def _pack_valves(parameters: StandIn, machine: Machine) -> np.ndarray:
     )
 
 
-def _pack_oil(parameters: StandIn, machine: Machine) -> Oil:
+def _pack_oil(parameters: SimulatedCrane, machine: Machine) -> Oil:
     hydraulics, supply = machine.hydraulics, parameters.supply
     return Oil(
         bulk_modulus=parameters.oil.bulk_modulus,
@@ -194,7 +207,7 @@ def _pack_oil(parameters: StandIn, machine: Machine) -> Oil:
 
 # The state of the plant, and the room in which a step is worked out.
 
-ACTUATOR = ("length", "lever", "slope", "spool", "spool_rate", "p_a", "p_b")
+ACTUATOR_FIELDS = ("length", "lever", "slope", "spool", "spool_rate", "p_a", "p_b")
 """Fields of an actuator's record: m, dx/dq, d2x/dq2; spool -1..1 (positive extends), 1/s; Pa."""
 
 
@@ -205,7 +218,7 @@ class State(NamedTuple):
     v: np.ndarray  # rad/s, m/s
     mode: np.ndarray  # int: sticking, or direction of motion
     bristle: np.ndarray  # rad, m: deflection with dynamic friction
-    actuators: np.ndarray  # records, fields ACTUATOR
+    actuators: np.ndarray  # records, fields ACTUATOR_FIELDS
     supply: np.ndarray  # Pa
 
 
@@ -219,7 +232,7 @@ class Scratch(NamedTuple):
     friction: np.ndarray  # (j + 1, j)
     growth: np.ndarray  # (j,) piston speed, m/s
     before: np.ndarray  # (j,) velocities before the step
-    law: np.ndarray  # records (j,): friction as hidden effects have changed it
+    law: np.ndarray  # records (j,): friction as injected effects have changed it
 
 
 def at_rest(q: np.ndarray, supply: float) -> State:
@@ -229,7 +242,7 @@ def at_rest(q: np.ndarray, supply: float) -> State:
         v=np.zeros(len(q)),
         mode=np.zeros(len(q), dtype=np.int64),
         bristle=np.zeros(len(q)),
-        actuators=np.zeros(len(q), np.dtype([(name, float) for name in ACTUATOR])),
+        actuators=np.zeros(len(q), np.dtype([(name, float) for name in ACTUATOR_FIELDS])),
         supply=np.array([supply]),
     )
 

@@ -22,7 +22,7 @@ class Linkages(NamedTuple):
     constants: np.ndarray
 
 
-CYLINDER = (
+CYLINDER_FIELDS = (
     "area_a",
     "area_b",
     "filled_a",
@@ -71,7 +71,7 @@ def stop_force(cylinder: np.record, length: float, rate: float) -> float:
 
 EDGES = ("supply_a", "a_tank", "supply_b", "b_tank")
 """The metering edges of a valve, by what they join."""
-VALVE = ("sense", "frequency", "damping_ratio", "rate_limit", "dead_zone", "null", *EDGES)
+VALVE_FIELDS = ("sense", "frequency", "damping_ratio", "rate_limit", "dead_zone", "null", *EDGES)
 """Fields of a valve's record. `sense` is +1 where extending the cylinder moves the joint in its
 positive direction, else -1; frequency [rad/s] of the undamped spool; rate_limit [strokes/s];
 dead_zone [strokes] to either side of `null` [strokes]; of each edge the gain, fully open
@@ -198,14 +198,14 @@ def relief_flow(oil: Oil, p_supply: float) -> float:
 
 # Joint friction by the report's law (13), set-valued at standstill, or by a dynamic law (LuGre).
 #
-# `law` is an array (j,) of records, one a joint, with the fields of LAW: Coulomb friction [N m, N]
-# while the joint moves up (f_c + df_c) and down (f_c - df_c), viscous friction [N m s/rad, N s/m]
-# up (f_v + df_v) and down (f_v - df_v); for LuGre also those of BRISTLES.
+# `law` is an array (j,) of records, one a joint, with the fields of LAW_FIELDS: Coulomb friction [N
+# m, N] while the joint moves up (f_c + df_c) and down (f_c - df_c), viscous friction [N m s/rad, N
+# s/m] up (f_v + df_v) and down (f_v - df_v); for LuGre also those of BRISTLE_FIELDS.
 
-LAW = ("coulomb_up", "coulomb_down", "viscous_up", "viscous_down")
-BRISTLES = ("stiffness", "damping", "breakaway_ratio", "stribeck_velocity")
+LAW_FIELDS = ("coulomb_up", "coulomb_down", "viscous_up", "viscous_down")
+BRISTLE_FIELDS = ("stiffness", "damping", "breakaway_ratio", "stribeck_velocity")
 STICK, UP, DOWN = 0, 1, -1
-SWEEPS = 200  # far above need: the modes settle in a few
+MAX_SWEEPS = 200  # far above need: the modes settle in a few
 
 
 @njit(cache=True, error_model="numpy")
@@ -313,7 +313,7 @@ def step_set_valued(
     overwritten.
     """
     factor, trial = scratch[: len(v)], scratch[len(v)]
-    for _ in range(SWEEPS):
+    for _ in range(MAX_SWEEPS):
         if _velocity_for_modes(law, mass, impulse, step, mode, factor, trial):
             for i in range(len(v)):
                 v[i] = trial[i]

@@ -1,4 +1,4 @@
-"""The stand-in's rigid bodies for MuJoCo: a second opinion on `rigid_bodies`, and for pictures.
+"""The rigid bodies of a crane for MuJoCo: a second opinion on `rigid_bodies`, and for pictures.
 
 The same bodies and the same machine, but MuJoCo derives the dynamics by its own spatial algebra, in
 frames of the links. Joint limits, friction and actuators are left out: the plant has them.
@@ -9,7 +9,7 @@ import numpy as np
 
 from crane_model.kinematics import link_transforms
 from crane_model.machine import Machine
-from crane_sim.parts.parameters import Body, StandIn
+from crane_sim.parts.parameters import Body, SimulatedCrane
 
 
 def link_name(joint: str) -> str:
@@ -17,8 +17,8 @@ def link_name(joint: str) -> str:
     return f"{joint} link"
 
 
-def machine_spec(parameters: StandIn, machine: Machine) -> mujoco.MjSpec:
-    """Editable MuJoCo model: a link for each joint, and on it the bodies of the stand-in file.
+def machine_spec(parameters: SimulatedCrane, machine: Machine) -> mujoco.MjSpec:
+    """Editable MuJoCo model: a link for each joint, and on it the bodies of its file.
 
     Links have the frames of the machine's links, and joints its names; those that follow another
     joint are there too, and are put where they belong by `chain_positions`. Bodies carry their

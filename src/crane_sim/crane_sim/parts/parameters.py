@@ -8,16 +8,13 @@ import numpy as np
 import yaml
 from pydantic import Field, model_validator
 
-from crane_model.actuators.cylinders import CylinderActuator
+from crane_model.actuators import CylinderActuator
 from crane_model.configuration import NonNegative, Positive, Schema, load, read_yaml, validate
 from crane_model.errors import ConfigurationError
-from crane_model.joint_tables import of_every_joint
 from crane_model.machine import Machine, MachineJoint, load_machine
-from crane_model.machine_files import machine_file
+from crane_model.machine_files import machine_file, of_every_joint
 from crane_model.sensors import SensorChain
 from crane_nodes.joint_notes import JointNotes
-
-# Everything that the stand-in machine hides from the identification, from one YAML file.
 
 JOINTS_FILE = "joints.yaml"
 Fraction = Annotated[float, Field(ge=0, lt=1)]
@@ -98,7 +95,7 @@ class Edges(Schema):
     b_tank: Positive = 1.0
 
 
-class StandInValve(Schema):
+class SimulatedValve(Schema):
     """A servo valve: second-order spool, overlap, four metering edges."""
 
     rated_flow: Positive  # m3/s, fully open
@@ -130,7 +127,7 @@ class CylinderInside(Schema):
     stop_damping: NonNegative  # s/m, Hunt and Crossley
 
 
-class StandInOil(Schema):
+class SimulatedOil(Schema):
     """How stiff the oil is, and below which pressure drop its flow is laminar."""
 
     bulk_modulus: Positive  # Pa, with hoses and air
@@ -146,17 +143,17 @@ class Supply(Schema):
     check_valve_gain: NonNegative  # m3/s/sqrt(Pa), make-up flow into a chamber below tank pressure
 
 
-class StandIn(Schema):
-    """The stand-in machine; geometry, linkages, areas and pump are in the machine file."""
+class SimulatedCrane(Schema):
+    """The simulated crane; geometry, linkages, areas and pump are in the machine file."""
 
     name: str
     rest_pose: Mapping[str, float]  # rad, m
     bodies: Mapping[str, Body]
     friction: Mapping[str, CoulombViscous]
     dynamic_friction: Mapping[str, Bristles] | None = None
-    valves: Mapping[str, StandInValve]
+    valves: Mapping[str, SimulatedValve]
     cylinders: Mapping[str, CylinderInside]
-    oil: StandInOil
+    oil: SimulatedOil
     supply: Supply
     sensors: SensorChain
     jerk_density: Mapping[str, Positive] = {}  # (rad or m)^2/s^5; of joints.yaml where absent
@@ -176,7 +173,7 @@ class StandIn(Schema):
         for joint, actuator in machine.actuators.items():
             if not actuator.has_chambers:
                 raise ConfigurationError(
-                    f"{source}: a stand-in moves hydraulic actuators only, but {joint} of "
+                    f"{source}: a simulated crane has hydraulic actuators only, but {joint} of "
                     f"{machine.name} has one of type {actuator.type}"
                 )
         links = [joint.name for joint in machine.joints]
@@ -205,19 +202,36 @@ def column(table: Mapping[str, Schema], key: str) -> np.ndarray:
     return np.array([getattr(entry, key) for entry in table.values()], dtype=float)
 
 
-def load_stand_in(
+def load_simulated_crane(
     path: Path | str | None = None,
     machine: Machine | None = None,
     joints: Path | None = None,
-) -> StandIn:
-    """The stand-in in `path` for a machine, by default that of the laboratory crane.
+) -> SimulatedCrane:
+    """Read the parameters of a simulated crane.
 
-    `ConfigurationError` if it is wrong, or that of another machine. A file with the key `base`
-    (another file, relative to this one) holds only what differs from that file; it may not have a
-    base itself. The density of the jerk, if it is not in there, is that of the machine's notes on
-    its `joints`, by default those beside the complete file.
+    A file with the key `base` (another file, relative to this one) holds only what differs from
+    that file, which may not have a base itself. The density of the jerk, if it is not in there, is
+    that of the notes on the joints.
+
+    Parameters
+    ----------
+    path
+        YAML file; by default that of the laboratory crane.
+    machine
+        Machine that it belongs to; by default the laboratory crane.
+    joints
+        Notes on the joints of the machine; by default those beside the complete file.
+
+    Returns
+    -------
+    The parameters, with all that is said of joints in the order of the machine.
+
+    Raises
+    ------
+    ConfigurationError
+        If a file is wrong, or is that of another machine.
     """
-    path = Path(path or machine_file("stand_in.yaml"))
+    path = Path(path or machine_file("simulated_crane.yaml"))
     content, complete = read_yaml(path), path
     if isinstance(content, dict) and "base" in content:
         difference = {key: value for key, value in content.items() if key != "base"}
@@ -225,7 +239,7 @@ def load_stand_in(
         base = read_yaml(complete)
         if not isinstance(base, dict) or "base" in base:
             raise ConfigurationError(
-                f"{path}: key 'base': must name a complete stand-in file, one without a base; "
+                f"{path}: key 'base': must name a complete file, one without a base; "
                 f"got {content['base']!r}"
             )
         content = _merged(base, difference)
@@ -233,12 +247,20 @@ def load_stand_in(
         notes = load(joints or complete.with_name(JOINTS_FILE), JointNotes).root
         densities = {joint: note.jerk_density for joint, note in notes.items()}
         content = content | {"jerk_density": densities}
-    return validate(content, StandIn, path).of(machine or load_machine(), path)
+    return validate(content, SimulatedCrane, path).of(machine or load_machine(), path)
 
 
-def save_stand_in(path: Path | str, stand_in: StandIn) -> None:
-    """As a complete file that `load_stand_in` reads."""
-    text = yaml.safe_dump(stand_in.model_dump(mode="json", exclude_none=True), sort_keys=False)
+def save_simulated_crane(path: Path | str, simulated: SimulatedCrane) -> None:
+    """Write a complete file that `load_simulated_crane` reads back.
+
+    Parameters
+    ----------
+    path
+        YAML file to write, or to write over.
+    simulated
+        Parameters of the simulated crane.
+    """
+    text = yaml.safe_dump(simulated.model_dump(mode="json", exclude_none=True), sort_keys=False)
     Path(path).write_text(text, encoding="utf-8")
 
 
@@ -251,15 +273,15 @@ def _merged(base: dict[str, Any], difference: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-# Other machines of the same make: the stand-in with parameters drawn about its own.
+# Other cranes of the same make: with parameters drawn about those of one.
 
 LESS_OVERLAP = 0.15
 """Of a dead zone, at most: how far a drawn one falls short of it. None is larger, so that what a
 controller compensates, and a data sheet calls usual, holds for every drawn machine."""
 
 
-def vary(stand_in: StandIn, seed: int, spread: float = 0.15) -> StandIn:
-    """Bodies, friction, leakage and oil each within +-spread of those of `stand_in`, evenly drawn.
+def vary(simulated: SimulatedCrane, seed: int, spread: float = 0.15) -> SimulatedCrane:
+    """Bodies, friction, leakage and oil each within +-spread of those of `simulated`, evenly drawn.
 
     Inertia follows the mass of its body; centres of mass move along the x axis of the body only, so
     that the base parameters of `planted` stay defined. Friction keeps dissipating; valves (see
@@ -290,17 +312,17 @@ def vary(stand_in: StandIn, seed: int, spread: float = 0.15) -> StandIn:
                 "df_v": given.df_v * wet * factor(),
             }
         )
-        for joint, given in stand_in.friction.items()
+        for joint, given in simulated.friction.items()
     }
     cylinders = {
         joint: given.model_copy(update={"leakage": given.leakage * factor()})
-        for joint, given in stand_in.cylinders.items()
+        for joint, given in simulated.cylinders.items()
     }
-    oil = stand_in.oil
-    return stand_in.model_copy(
+    oil = simulated.oil
+    return simulated.model_copy(
         update={
-            "name": f"{stand_in.name}, drawn with seed {seed}",
-            "bodies": {name: body(given) for name, given in stand_in.bodies.items()},
+            "name": f"{simulated.name}, drawn with seed {seed}",
+            "bodies": {name: body(given) for name, given in simulated.bodies.items()},
             "friction": friction,
             "cylinders": cylinders,
             "oil": oil.model_copy(update={"bulk_modulus": oil.bulk_modulus * factor()}),
@@ -308,18 +330,20 @@ def vary(stand_in: StandIn, seed: int, spread: float = 0.15) -> StandIn:
     )
 
 
-def vary_valves(stand_in: StandIn, machine: Machine, seed: int, scatter: float = 0.05) -> StandIn:
+def vary_valves(
+    simulated: SimulatedCrane, machine: Machine, seed: int, scatter: float = 0.05
+) -> SimulatedCrane:
     """Valves made for differential cylinders, drawn: unequal edges, unequal dead zones.
 
     The gain of an edge is proportional to the area of its chamber, and within +-scatter of that,
     evenly drawn; the cylinder moves as fast as with equal edges. The dead zones of the two
-    directions lie up to `LESS_OVERLAP` below the one of `stand_in`. The same seed gives the same
+    directions lie up to `LESS_OVERLAP` below the one of `simulated`. The same seed gives the same
     valves.
     """
     rng = np.random.default_rng([seed, 4])  # not the draws of `vary`
 
-    def valve(joint: str) -> StandInValve:
-        given, cylinder = stand_in.valves[joint], machine.cylinders[joint]
+    def valve(joint: str) -> SimulatedValve:
+        given, cylinder = simulated.valves[joint], machine.cylinders[joint]
         area_a, area_b = cylinder.area_a, cylinder.area_b
         mean = float(np.hypot(area_a, area_b)) / np.sqrt(2.0)
 
@@ -341,8 +365,8 @@ def vary_valves(stand_in: StandIn, machine: Machine, seed: int, scatter: float =
             }
         )
 
-    return stand_in.model_copy(
-        update={"valves": {joint: valve(joint) for joint in stand_in.valves}}
+    return simulated.model_copy(
+        update={"valves": {joint: valve(joint) for joint in simulated.valves}}
     )
 
 
@@ -378,11 +402,11 @@ def vary_geometry(machine: Machine, seed: int, spread: float) -> Machine:
 def _lengths(actuator: CylinderActuator) -> list[str]:
     """The fields that are lengths of the linkage or of the cylinder [m]."""
     angles = ("phi_3", "phi_4", "beta_1", "gamma_25", "pin_rise")
-    others = ("count", "mirrored", "type", "pressure_sensors", "area_a_of_one", "area_b_of_one")
-    return [name for name in type(actuator).model_fields if name not in (*angles, *others)]
+    fixed = ("count", "mirrored", "type", "pressure_sensors", "area_a_of_one", "area_b_of_one")
+    return [name for name in type(actuator).model_fields if name not in (*angles, *fixed)]
 
 
-def vary_hydraulics(stand_in: StandIn, seed: int, spread: float) -> StandIn:
+def vary_hydraulics(simulated: SimulatedCrane, seed: int, spread: float) -> SimulatedCrane:
     """Valves as quick and as large as others of their make, other hoses and another supply line.
 
     Spools and rated flows, dead volumes and the supply line each within +-spread, evenly drawn. The
@@ -396,29 +420,30 @@ def vary_hydraulics(stand_in: StandIn, seed: int, spread: float) -> StandIn:
     def scaled(given: Schema, *names: str) -> Any:
         return given.model_copy(update={name: getattr(given, name) * factor() for name in names})
 
-    valves, cylinders = stand_in.valves.items(), stand_in.cylinders.items()
-    return stand_in.model_copy(
+    valves, cylinders = simulated.valves.items(), simulated.cylinders.items()
+    return simulated.model_copy(
         update={
             "valves": {
-                joint: scaled(one, "natural_frequency", "damping_ratio", "rated_flow")
-                for joint, one in valves
+                joint: scaled(valve, "natural_frequency", "damping_ratio", "rated_flow")
+                for joint, valve in valves
             },
             "cylinders": {
-                joint: scaled(one, "dead_volume_a", "dead_volume_b") for joint, one in cylinders
+                joint: scaled(cylinder, "dead_volume_a", "dead_volume_b")
+                for joint, cylinder in cylinders
             },
-            "supply": scaled(stand_in.supply, "volume", "pump_droop"),
+            "supply": scaled(simulated.supply, "volume", "pump_droop"),
         }
     )
 
 
-def vary_sensors(stand_in: StandIn, seed: int, spread: float) -> StandIn:
+def vary_sensors(simulated: SimulatedCrane, seed: int, spread: float) -> SimulatedCrane:
     """Transducers that are more or less noisy, and a clock that jitters more or less: within
     +-spread, evenly drawn. Encoders, range and converter are those of the data sheet.
     """
     noisier, later = np.random.default_rng([seed, 10]).uniform(1.0 - spread, 1.0 + spread, 2)
-    chain = stand_in.sensors
+    chain = simulated.sensors
     update = {
         "pressure_noise": chain.pressure_noise * float(noisier),
         "jitter": chain.jitter * float(later),
     }
-    return stand_in.model_copy(update={"sensors": chain.model_copy(update=update)})
+    return simulated.model_copy(update={"sensors": chain.model_copy(update=update)})

@@ -170,11 +170,11 @@ def mass_and_bias(
         momentum = add_cross(scaled(link.carried, slide), turn, moment)
         spin = add_cross(product(link.about_origin, turn), moment, slide)
         for k in range(1, i + 1):
-            other = links[k]
-            held = dot(vector(other.turn), spin) + dot(vector(other.slide), momentum)
-            mass[other.leader, link.leader] += held
+            mover = links[k]
+            held = dot(vector(mover.turn), spin) + dot(vector(mover.slide), momentum)
+            mass[mover.leader, link.leader] += held
             if k < i:
-                mass[link.leader, other.leader] += held
+                mass[link.leader, mover.leader] += held
         if i > 1:
             before = links[i - 1]
             before.carried += link.carried

@@ -1,4 +1,4 @@
-"""The stand-in machine under a controller, as a recording of its sensors would show it."""
+"""The simulated crane under a controller, as a recording of its sensors would show it."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -9,18 +9,22 @@ import numpy as np
 
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.errors import ConfigurationError, RangeError
+from crane_model.hydraulics.simulation import IdentifiedSimulation
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_model.twin import Twin
 from crane_sim.effects.form import Planted
-from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import MachineInMotion, Pressures, RecordedMachine, Sensors
-from crane_trajectory.control.interface import Controller, Point, SensorReading, Wanted
-from crane_trajectory.control.pd_dead_zone import Gains, command
+from crane_trajectory.control.controller import (
+    Controller,
+    Gains,
+    Point,
+    SensorReading,
+    Wanted,
+    command,
+)
 from crane_trajectory.motion.motion import Reference
-
-# A plant led by a controller that is shown all of its sensors, and the reference ahead.
 
 
 class Led:
@@ -54,7 +58,9 @@ class Led:
         self._read.append(read)
         p_a, p_b = self._nothing.copy(), self._nothing.copy()
         p_a[self._fitted], p_b[self._fitted] = read.chamber_a[0], read.chamber_b[0]
-        now, ahead = (Point(*(part[k] for part in one[:3])) for one in (self._now, self._ahead))
+        now, ahead = (
+            Point(*(part[k] for part in reference[:3])) for reference in (self._now, self._ahead)
+        )
         dt = 0.0 if self._last is None else time - self._last
         self._last = time
         reading = SensorReading(q, velocity, p_a, p_b, float(read.supply[0]))
@@ -66,7 +72,7 @@ class Led:
         return Pressures(*(np.concatenate(parts) for parts in zip(*self._read, strict=True)))
 
 
-REST = 1.0  # s, recorded at rest before and after the motion
+REST_S = 1.0  # recorded at rest before and after the motion
 
 Steps = Callable[[Iterable[int]], Iterable[int]]
 
@@ -103,10 +109,10 @@ class States:
 
 @dataclass(frozen=True)
 class TrueStates(States):
-    """What no real machine shows, at the n instants of a recording; k effects are hidden."""
+    """What no real machine shows, at the n instants of a recording; k effects are injected."""
 
-    hidden_force: np.ndarray  # (k, n, j) N m, N
-    hidden_flow: np.ndarray  # (k, n, j) m3/s
+    injected_force: np.ndarray  # (k, n, j) N m, N
+    injected_flow: np.ndarray  # (k, n, j) m3/s
 
 
 @dataclass(frozen=True)
@@ -133,26 +139,44 @@ def record(
 ) -> SimulatedRecording:
     """Lead the plant, which rests where the motion starts, through the motion and to rest again.
 
-    Each cycle reads the sensors, filters the velocity and commands the valves, by (36) with `gains`
-    or by the `controller`; the valves stay closed until a velocity is known. `progress` wraps the
-    cycles, as tqdm does.
+    Each cycle reads the sensors, filters the velocity and commands the valves; they stay closed
+    until a velocity is known.
+
+    Parameters
+    ----------
+    motion
+        Where the crane is to go.
+    plant
+        The simulated crane.
+    sensors
+        What is shown of it.
+    gains
+        Of the controller (36).
+    progress
+        Wraps the cycles, as tqdm does.
+    controller
+        Leads the crane in place of (36).
+
+    Returns
+    -------
+    Readings, commands and reference of all cycles, and what truly happened.
     """
     chain, density = plant.parameters.sensors, plant.parameters.jerk_density
     joints = plant.machine.joint_names
-    count = round((motion.duration + 2.0 * REST) / chain.period)
+    count = round((motion.duration + 2.0 * REST_S) / chain.period)
     begin = plant.time
     times = sensors.instants(begin + chain.period, count)
-    reference = motion.reference(times - begin - REST)
-    added = motion.probe(times - begin - REST)
+    reference = motion.reference(times - begin - REST_S)
+    added = motion.probe(times - begin - REST_S)
     led = None
     if controller is not None:
-        ahead = motion.reference(times - begin - REST + controller.preview)
+        ahead = motion.reference(times - begin - REST_S + controller.preview)
         led = Led(controller, plant, sensors, reference, ahead)
     velocity_filter = VelocityFilter(
         [density[joint] for joint in joints], [chain.encoder_resolution[joint] for joint in joints]
     )
     position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(joints)))
-    force, flow = np.zeros((2, plant.hidden_count, count, len(joints)))
+    force, flow = np.zeros((2, plant.injected_count, count, len(joints)))
     supply = np.empty(count)
     arrays, u = gains.arrays, np.zeros(len(joints))
     for k in progress(range(count)):
@@ -162,8 +186,8 @@ def record(
         plant.advance(spools, time - plant.time)
         q[k], v[k] = plant.q, plant.v
         a[k] = plant.acceleration
-        if plant.hidden_count:
-            force[:, k], flow[:, k] = plant.hidden_force, plant.hidden_flow
+        if plant.injected_count:
+            force[:, k], flow[:, k] = plant.injected_force, plant.injected_flow
         p_a[k], p_b[k], supply[k] = plant.pressure_a, plant.pressure_b, plant.supply_pressure
         position[k] = sensors.positions(q[k], time)
         _, velocity[k], _ = velocity_filter.update(time, position[k])
@@ -195,11 +219,11 @@ def record(
 
 # A plant behind a bus: commands come into force some time after they were given.
 
-DELAY, SPREAD = 0.005, 0.010  # s, of the bus and the computers of the live suite
-SHORTEST = 1e-6  # s, below which nothing is simulated
+BUS_DELAY_S, BUS_SPREAD_S = 0.005, 0.010  # s, of the bus and the computers of the live suite
+MIN_STEP_S = 1e-6  # below which nothing is simulated
 
 
-def mean_delay(period: float, delay: float = DELAY, spread: float = SPREAD) -> float:
+def mean_delay(period: float, delay: float = BUS_DELAY_S, spread: float = BUS_SPREAD_S) -> float:
     """Of a command that is given every `period` s [s].
 
     A command waits for those before it, so the mean lies above `delay` + `spread` / 2: of the
@@ -223,12 +247,12 @@ class LatePlant(Plant):
 
     def __init__(
         self,
-        parameters: StandIn,
+        parameters: SimulatedCrane,
         machine: Machine,
         q0: np.ndarray,
         planted: Sequence[Planted] = (),
-        delay: float = DELAY,
-        spread: float = SPREAD,
+        delay: float = BUS_DELAY_S,
+        spread: float = BUS_SPREAD_S,
         seed: int = 0,
     ):
         """As `Plant` has it; delays are drawn by `seed`."""
@@ -252,14 +276,14 @@ class LatePlant(Plant):
         self._run(begin + duration - self.time)
 
     def _run(self, duration: float) -> None:
-        if duration > SHORTEST:
+        if duration > MIN_STEP_S:
             super().advance(self._in_force, duration)
 
 
-# The twin of a crane, its identified model, in place of the stand-in's plant.
+# The identified simulation of a crane in place of the simulated one.
 
 
-class TwinPlant:
+class IdentifiedPlant:
     """A `MachineInMotion`. Joints whose hydraulics the model lacks stand where they are.
 
     The lag of the loop is left out of the valves: what carries the commands here has one of its
@@ -277,47 +301,49 @@ class TwinPlant:
             )
         self.machine = machine
         self._columns = [machine.index(joint) for joint in model.joints]
-        self._twin = Twin(model, q0[np.newaxis, self._columns])
+        self._identified = IdentifiedSimulation(model, q0[np.newaxis, self._columns])
         self._q = np.array(q0, dtype=float)
         self.tank_pressure = machine.hydraulics.tank_pressure
 
     @property
     def standing(self) -> tuple[str, ...]:
         """The joints that do not move."""
-        return tuple(one for one in self.machine.joint_names if one not in self._twin.joints)
+        return tuple(
+            joint for joint in self.machine.joint_names if joint not in self._identified.joints
+        )
 
     def advance(self, command: np.ndarray, duration: float) -> None:
         """As `MachineInMotion` has it."""
-        self._twin.advance(np.asarray(command)[np.newaxis, self._columns], duration)
+        self._identified.advance(np.asarray(command)[np.newaxis, self._columns], duration)
 
     def leak(self, passed: np.ndarray) -> None:
         """As `MachineInMotion` has it: none can."""
         if passed.any():
-            raise RangeError("the pistons of a twin leak as its model says: it cannot be changed")
+            raise RangeError("the pistons of an identified crane leak as its model says, not more")
 
     @property
     def q(self) -> np.ndarray:
         """(j,) rad, m."""
         now = self._q.copy()
-        now[self._columns] = self._twin.position[0]
+        now[self._columns] = self._identified.position[0]
         return now
 
     @property
     def pressure_a(self) -> np.ndarray:
         """(j,) Pa; half of the supply's where the joint stands."""
-        return self._chambers(0)
+        return self._pressures(self._identified.pressures.chamber_a)
 
     @property
     def pressure_b(self) -> np.ndarray:
         """(j,) Pa; half of the supply's where the joint stands."""
-        return self._chambers(1)
+        return self._pressures(self._identified.pressures.chamber_b)
 
     @property
     def supply_pressure(self) -> float:
         """Pa."""
-        return float(self._twin.pressures[2][0])
+        return float(self._identified.pressures.supply[0])
 
-    def _chambers(self, chamber: int) -> np.ndarray:
+    def _pressures(self, of_the_model: np.ndarray) -> np.ndarray:
         found = np.full(len(self._q), 0.5 * self.supply_pressure)
-        found[self._columns] = self._twin.pressures[chamber][0]
+        found[self._columns] = of_the_model[0]
         return found

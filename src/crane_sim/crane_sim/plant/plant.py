@@ -10,9 +10,8 @@ from crane_model.errors import RangeError
 from crane_model.hydraulics.stepping import transition
 from crane_model.machine import Machine
 from crane_sim.effects.flow import leak, meter, note_softness, softness
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import Injected, Planted, packed
 from crane_sim.effects.kernel import act, settle
-from crane_sim.effects.working import Hidden, packed
 from crane_sim.parts.borrowed import borrowed
 from crane_sim.parts.constants import Constants, Scratch, State, at_rest, pack, room
 from crane_sim.parts.cylinders import (
@@ -28,17 +27,15 @@ from crane_sim.parts.cylinders import (
     step_set_valued,
     stop_force,
 )
-from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.parts.rigid_bodies import mass_and_bias
-
-# A step of the plant: valves, bodies and friction, oil, one after the other in compiled code.
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -> None:
     """What drives the joints, friction and inertia apart: (j,) N m, N.
 
-    What hidden effects add to it, and to the bodies and the friction, is in `hidden.kernel`.
+    What injected effects add to it, and to the bodies and the friction, is in `injected.kernel`.
     """
     for i in range(len(state.q)):
         cylinder, actuator = constants.cylinders[i], state.actuators[i]
@@ -49,7 +46,7 @@ def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _move(
-    constants: Constants, hidden: Hidden | None, state: State, scratch: Scratch, step: float
+    constants: Constants, injected: Injected | None, state: State, scratch: Scratch, step: float
 ) -> None:
     """Velocities from the forces (6), then positions and cylinders from the new velocities."""
     mass_and_bias(constants.chain, state.q, state.v, scratch.mass, scratch.bias)
@@ -57,8 +54,8 @@ def _move(
     law = constants.friction
     for i in range(len(state.q)):
         scratch.before[i] = state.v[i]
-    if hidden is not None:
-        act(hidden, constants, state, scratch, step)
+    if injected is not None:
+        act(injected, constants, state, scratch, step)
         law = scratch.law
     for i in range(len(state.q)):
         impulse = step * (scratch.force[i] - scratch.bias[i])
@@ -75,8 +72,8 @@ def _move(
             law, scratch.mass, scratch.impulse, step,
             state.mode, scratch.friction, state.v,
         )  # fmt: skip
-    if hidden is not None:
-        settle(hidden, constants, state, scratch, step)
+    if injected is not None:
+        settle(injected, constants, state, scratch, step)
     for i in range(len(state.q)):
         state.q[i] += step * state.v[i]
         scratch.growth[i] = -state.actuators[i].length
@@ -88,7 +85,7 @@ def _move(
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _fill(
-    constants: Constants, hidden: Hidden | None, state: State, growth: np.ndarray, step: float
+    constants: Constants, injected: Injected | None, state: State, growth: np.ndarray, step: float
 ) -> None:
     """Chamber and supply pressures from valve openings and piston speeds `growth` (j,)."""
     oil, supply = constants.oil, state.supply[0]
@@ -99,14 +96,14 @@ def _fill(
         p_a, p_b = actuator.p_a, actuator.p_b
         x = opening(actuator.spool - valve.null, valve.dead_zone)
         leakage, softer_a, softer_b = cylinder.leakage, 1.0, 1.0
-        if hidden is not None:  # a call that finds nothing to do costs more than the rest
-            if hidden.meters:
-                x = meter(hidden, constants, state, i)
-            if hidden.leaks:
-                leakage = leak(hidden, constants, state, i)
-            if hidden.softens:
-                softer_a = softness(hidden, constants, i, p_a)
-                softer_b = softness(hidden, constants, i, p_b)
+        if injected is not None:  # a call that finds nothing to do costs more than the rest
+            if injected.meters:
+                x = meter(injected, constants, state, i)
+            if injected.leaks:
+                leakage = leak(injected, constants, state, i)
+            if injected.softens:
+                softer_a = softness(injected, constants, i, p_a)
+                softer_b = softness(injected, constants, i, p_b)
         open_a, open_b = conductances(valve, x)
         volume = cylinder.dead_volume_a + cylinder.filled_a * (
             actuator.length - cylinder.length_min
@@ -116,8 +113,8 @@ def _fill(
             oil, p_a, p_b, flow, slope, leakage, softer_a * volume,
             cylinder.area_a * growth[i], step,
         )  # fmt: skip
-        if hidden is not None and hidden.softens:
-            note_softness(hidden, constants, i, p_a, volume, (actuator.p_a - p_a) / step)
+        if injected is not None and injected.softens:
+            note_softness(injected, constants, i, p_a, volume, (actuator.p_a - p_a) / step)
         volume = cylinder.dead_volume_b + cylinder.filled_b * (
             cylinder.length_max - actuator.length
         )
@@ -137,7 +134,7 @@ def _fill(
 @njit(cache=True, error_model="numpy")
 def advance(
     constants: Constants,
-    hidden: Hidden | None,
+    injected: Injected | None,
     state: State,
     scratch: Scratch,
     command: np.ndarray,
@@ -148,14 +145,14 @@ def advance(
 
     Oil flows through the opening that a spool has in the middle of a step, in the mean.
     """
-    constants, hidden = borrowed(constants), borrowed(hidden)
+    constants, injected = borrowed(constants), borrowed(injected)
     state, scratch = borrowed(state), borrowed(scratch)
     half = 0.5 * step
-    free = [transition(one.frequency, one.damping_ratio, half) for one in constants.valves]
+    free = [transition(valve.frequency, valve.damping_ratio, half) for valve in constants.valves]
     for _ in range(count):
         _shift(constants, state, free, command, half)
-        _move(constants, hidden, state, scratch, step)
-        _fill(constants, hidden, state, scratch.growth, step)
+        _move(constants, injected, state, scratch, step)
+        _fill(constants, injected, state, scratch.growth, step)
         _shift(constants, state, free, command, half)
 
 
@@ -176,33 +173,45 @@ def _shift(
 
 
 class Plant:
-    """The stand-in machine in motion.
+    """The simulated crane in motion.
 
-    It starts at rest at `q0` (j,) with centred spools and chamber pressures that carry gravity; the
-    two pressures of a cylinder then add up to the supply pressure where that is possible, as a
-    valve with equal metering edges leaves them. Nothing in it is random: noise is in the sensors.
-    Of `planted`, faults of sensors have no part in it.
+    It starts at rest with centred spools and chamber pressures that carry gravity; the two
+    pressures of a cylinder then add up to the supply pressure where that is possible, as a valve
+    with equal metering edges leaves them. Nothing in it is random: noise is in the sensors.
+
+    Parameters
+    ----------
+    parameters, machine
+        Parameters and geometry.
+    q0
+        (j,) pose at the start [rad, m].
+    planted
+        Injected effects; faults of sensors among them have no part in it.
+    running
+        For how long the machine has been on [s]: what warms up or wears goes on from there.
+
+    Raises
+    ------
+    RangeError
+        If q0 is outside Table 2, or gravity exceeds what the pump can hold.
     """
 
     def __init__(
         self,
-        parameters: StandIn,
+        parameters: SimulatedCrane,
         machine: Machine,
         q0: np.ndarray,
         planted: Sequence[Planted] = (),
         running: float = 0.0,
     ):
-        """`running` [s] is for how long the machine has been on: what warms up or wears goes on
-        from there. `RangeError` if q0 is outside Table 2 or gravity exceeds what the pump can hold.
-        """
         _check_pose(machine, q0)
         self.parameters, self.machine = parameters, machine
         self.time = running  # s since the machine was started
         self.tank_pressure = machine.hydraulics.tank_pressure
         self._constants = pack(parameters, machine)
         self._leakage = self._constants.cylinders["leakage"].copy()
-        # None is compiled apart: no cost where none hides
-        self._hidden = packed(planted, machine, running)
+        # None is compiled apart: no cost without effects
+        self._injected = packed(planted, machine, running)
         self._scratch = room(self._constants.friction)
         self._step = parameters.step
         self._state = self._at_rest(np.array(q0, dtype=float))
@@ -219,7 +228,7 @@ class Plant:
         count = max(1, math.ceil(duration / self.parameters.step - 1e-6))
         self._step = duration / count
         advance(
-            self._constants, self._hidden, self._state, self._scratch, command, self._step, count
+            self._constants, self._injected, self._state, self._scratch, command, self._step, count
         )
         self.time += duration
         if not all(map(math.isfinite, self._state.q.tolist())):
@@ -229,16 +238,16 @@ class Plant:
             )
 
     def leak(self, passed: np.ndarray) -> None:
-        """From now on pistons let `passed` (j,) more oil through than the stand-in's, m3/(s Pa)."""
+        """From now on pistons let `passed` (j,) more oil through, m3/(s Pa)."""
         self._constants.cylinders["leakage"] = self._leakage + passed
 
     def set_magnitude(self, k: int, magnitude: float, *shape: float) -> None:
         """From now on, effect k of those planted that act in the plant has this magnitude, and this
         `shape`, as far as it is given.
         """
-        if not 0 <= k < self.hidden_count or self._hidden is None:
-            raise RangeError(f"plant: no hidden effect {k}; it has {self.hidden_count}")
-        self._hidden.value[k, : 1 + len(shape)] = magnitude, *shape
+        if not 0 <= k < self.injected_count or self._injected is None:
+            raise RangeError(f"plant: no injected effect {k}; it has {self.injected_count}")
+        self._injected.value[k, : 1 + len(shape)] = magnitude, *shape
 
     @property
     def q(self) -> np.ndarray:
@@ -256,22 +265,26 @@ class Plant:
         return (self._state.v - self._scratch.before) / self._step
 
     @property
-    def hidden_count(self) -> int:
-        """How many hidden effects act in the plant."""
-        return 0 if self._hidden is None else len(self._hidden.law)
+    def injected_count(self) -> int:
+        """How many injected effects act in the plant."""
+        return 0 if self._injected is None else len(self._injected.law)
 
     @property
-    def hidden_flow(self) -> np.ndarray:
-        """(k, j) what flows more into chamber A for each hidden effect [m3/s]."""
+    def injected_flow(self) -> np.ndarray:
+        """(k, j) what flows more into chamber A for each injected effect [m3/s]."""
         return (
-            np.zeros((0, len(self._state.q))) if self._hidden is None else self._hidden.flow.copy()
+            np.zeros((0, len(self._state.q)))
+            if self._injected is None
+            else self._injected.flow.copy()
         )
 
     @property
-    def hidden_force(self) -> np.ndarray:
-        """(k, j) what each hidden effect asked of the drives in the last step [N m, N]."""
+    def injected_force(self) -> np.ndarray:
+        """(k, j) what each injected effect asked of the drives in the last step [N m, N]."""
         return (
-            np.zeros((0, len(self._state.q))) if self._hidden is None else self._hidden.force.copy()
+            np.zeros((0, len(self._state.q)))
+            if self._injected is None
+            else self._injected.force.copy()
         )
 
     @property
@@ -300,8 +313,8 @@ class Plant:
         actuators = state.actuators
         set_lengths_and_levers(constants.linkages, q, actuators)
         mass_and_bias(constants.chain, q, state.v, scratch.mass, scratch.bias)
-        if self._hidden is not None:
-            act(self._hidden, constants, state, scratch, self._step)
+        if self._injected is not None:
+            act(self._injected, constants, state, scratch, self._step)
         tank, supply = self.tank_pressure, self.machine.hydraulics.supply_pressure
         area_a, area_b = constants.cylinders["area_a"], constants.cylinders["area_b"]
         piston = (scratch.bias - scratch.force) / actuators["lever"]

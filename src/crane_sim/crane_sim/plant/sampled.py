@@ -9,10 +9,8 @@ from numba import njit
 from crane_model.machine import Machine
 from crane_model.sensors import SensorChain, in_counts
 from crane_sim.effects.form import Planted, SensorFault, measured_joints
-from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.sensor_faults import Faults
-
-# What sensors and valves see of a machine that moves, whatever moves it.
 
 
 class MachineInMotion(Protocol):
@@ -50,10 +48,10 @@ class MachineInMotion(Protocol):
 
 
 class RecordedMachine(MachineInMotion, Protocol):
-    """One of which recordings tell what truly happened; k hidden effects act in it."""
+    """One of which recordings tell what truly happened; k injected effects act in it."""
 
     @property
-    def parameters(self) -> StandIn:
+    def parameters(self) -> SimulatedCrane:
         """What it was made with; its sensors are those of recordings."""
 
     @property
@@ -69,23 +67,20 @@ class RecordedMachine(MachineInMotion, Protocol):
         """(j,) rad/s2, m/s2."""
 
     @property
-    def hidden_count(self) -> int:
+    def injected_count(self) -> int:
         """k."""
 
     @property
-    def hidden_force(self) -> np.ndarray:
-        """(k, j) what each hidden effect asks of the drives [N m, N]."""
+    def injected_force(self) -> np.ndarray:
+        """(k, j) what each injected effect asks of the drives [N m, N]."""
 
     @property
-    def hidden_flow(self) -> np.ndarray:
-        """(k, j) what flows more into chamber A for each hidden effect [m3/s]."""
+    def injected_flow(self) -> np.ndarray:
+        """(k, j) what flows more into chamber A for each injected effect [m3/s]."""
 
 
 Build = Callable[[np.ndarray, Sequence[Planted], float], RecordedMachine]
-"""Makes a machine that rests at (j,) [rad, m], with hidden effects, that has run for a time [s]."""
-
-
-# What the machine's sensors show of the plant: encoders, pressure transducers, their noise.
+"""Makes a machine that rests at (j,) [rad, m], with effects, and has run for a time [s]."""
 
 
 class Pressures(NamedTuple):
@@ -98,7 +93,7 @@ class Pressures(NamedTuple):
 
 
 class Sensors:
-    """The sensors of the stand-in machine; the same seed gives the same noise and jitter.
+    """The sensors of the simulated crane; the same seed gives the same noise and jitter.
 
     The one place where true signals become readings: `faults` are what else the sensors do wrong,
     one after the other, before noise and converters, and `flaws` what belongs to the noise; `timed`

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from crane_driver.can.assembly import Assembly, Complete
-from crane_driver.can.decoder import Readings
+from crane_driver.can.codec import Readings
 from crane_driver.can.layout import UNPROTECTED, Layout
 
 BASE = {"slew": 0.1, "inner_boom": 0.2}

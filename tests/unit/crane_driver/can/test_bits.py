@@ -6,8 +6,8 @@ from cantools.database.can import Message
 from hypothesis import given
 from hypothesis import strategies as st
 
+from crane_driver.can.codec import SignalBits
 from crane_driver.can.dbc import load_dbc
-from crane_driver.can.encoder import SignalBits
 from crane_model.machine_files import machine_file
 
 MIXED = """VERSION ""

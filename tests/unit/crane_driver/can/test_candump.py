@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from crane_driver.can.bus_log import CandumpLog
 from crane_driver.can.frame import Frame
+from crane_driver.can.log_formats import CandumpLog
 from crane_model.errors import DataError
 
 

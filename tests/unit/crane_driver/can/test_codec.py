@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec, MachineCodec
-from crane_driver.can.encoder import frame_crc
+from crane_driver.can.codec import DriverCodec, MachineCodec, frame_crc
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
 from crane_driver.faults import FaultKind

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from crane_driver.can.codec import SignalBits
 from crane_driver.can.dbc import by_group_alone, load_dbc
-from crane_driver.can.encoder import SignalBits
 from crane_model.errors import ConfigurationError
 
 J1939 = """

@@ -11,8 +11,7 @@ import pytest
 from crane_bags.reader import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES
 from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec
-from crane_driver.can.decoder import Readings
+from crane_driver.can.codec import DriverCodec, Readings
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import ForeignCommands
 from crane_driver.decode import main

@@ -71,9 +71,9 @@ class Machine:
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     machine = Machine()
     monkeypatch.setattr(can, "Bus", machine.open)
-    monkeypatch.setattr(link_module, "POLL", 0.01)
-    monkeypatch.setattr(link_module, "FIRST_PAUSE", 0.02)
-    monkeypatch.setattr(link_module, "LONGEST_PAUSE", 0.08)
+    monkeypatch.setattr(link_module, "POLL_PERIOD_S", 0.01)
+    monkeypatch.setattr(link_module, "FIRST_REOPEN_PAUSE_S", 0.02)
+    monkeypatch.setattr(link_module, "LONGEST_REOPEN_PAUSE_S", 0.08)
     return machine
 
 

@@ -10,9 +10,8 @@ import msgpack
 import pytest
 from can.interfaces.udp_multicast import UdpMulticastBus
 
-from crane_driver.can import multicast
-from crane_driver.can.bus import BusSettings, open_bus
-from crane_driver.can.multicast import EchoFreeMulticastBus
+from crane_driver.can import bus as bus_module
+from crane_driver.can.bus import BusSettings, EchoFreeMulticastBus, open_bus
 
 GROUP = "239.74.163.2"
 IP_RECVTTL = 12  # linux/in.h
@@ -94,8 +93,8 @@ def test_a_sender_of_another_computer_may_have_the_same_port(
     port: int, bus: can.BusABC, peer: can.BusABC, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As if what comes from this computer came from another one."""
-    monkeypatch.setattr(multicast, "LOOPED_BACK", 99)
-    monkeypatch.setattr(multicast, "LOOPBACK_INTERFACE", 999_999)
+    monkeypatch.setattr(bus_module, "LOOPED_BACK", 99)
+    monkeypatch.setattr(bus_module, "LOOPBACK_INTERFACE", 999_999)
     with open_bus(BusSettings(extra={"port": port})) as other:
         other.send(message(1))
         assert received(other).arbitration_id == 1

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.can.encoder import frame_crc, lost_frames, sae_j1850
+from crane_driver.can.codec import frame_crc, lost_frames, sae_j1850
 
 
 @pytest.mark.parametrize(  # AUTOSAR, Specification of CRC Routines, table of 8-bit SAE J1850

@@ -4,12 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.can.bus import BusSettings
-from crane_driver.can.frame import Frame
-from crane_driver.can.simulated_time import (
+from crane_driver.can.bus import BusSettings, check_private
+from crane_driver.can.frame import (
     STEP,
     TIME,
-    check_private,
+    Frame,
     step_frame,
     time_frame,
     told_time,

@@ -21,9 +21,8 @@ from crane_driver.can.health import HeardCommands
 from crane_driver.can.layout import Layout
 from crane_driver.decode import main
 from crane_driver.driver_loop import DriverLoop
-from crane_driver.safety.commands import RefusedError
-from crane_driver.safety.limits import load_safety
-from crane_driver.safety.states import SafetyState
+from crane_driver.safety.commands import RefusedError, load_safety
+from crane_driver.safety.supervisor import SafetyState
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
@@ -341,5 +340,5 @@ def test_a_driver_that_only_listens_sends_nothing_and_says_why(
         with pytest.raises(RefusedError, match=r"only listens \(parameter listen_only\)"):
             asked()
     loop.check(0, 20.0, 20.0)  # silence
-    assert "valves neutral" not in supervisor.news[0].text
+    assert "valves neutral" not in supervisor.log[0].text
     assert supervisor.state is SafetyState.LISTENING

@@ -8,7 +8,7 @@ import numpy as np
 
 from crane_driver.can.assembly import Assembly
 from crane_driver.can.binding import load_layout
-from crane_driver.can.decoder import Readings
+from crane_driver.can.codec import Readings
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 

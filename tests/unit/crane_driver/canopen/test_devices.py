@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from crane_driver.can.binding import load_layout
-from crane_driver.can.canopen_settings import Device
+from crane_driver.can.canopen import START_RETRY_S, Devices, NodeState
 from crane_driver.can.frame import Frame
-from crane_driver.canopen.devices import RETRY, Devices, NodeState
+from crane_driver.can.mapping import Device
 from crane_driver.faults import Fault, FaultKind
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
@@ -58,7 +58,7 @@ def test_a_device_that_boots_is_started_and_then_operational() -> None:
 
 def test_starting_is_tried_again_once_a_second() -> None:
     crane = devices()
-    sent = [len(crane.start(0.01 * step)) for step in range(int(3.5 * RETRY / 0.01))]
+    sent = [len(crane.start(0.01 * step)) for step in range(int(3.5 * START_RETRY_S / 0.01))]
     assert sum(sent) == 4
     assert max(sent) == 1
 
@@ -78,7 +78,7 @@ def test_a_refused_heartbeat_period_is_told_and_the_device_is_not_started() -> N
     crane.start(0.0)
     crane.observe(Frame(0x585, NO_SUCH_OBJECT))
     assert "heartbeat period refused: Code 0x06020000" in crane.nodes[0].problem
-    assert crane.start(RETRY) == [PERIOD_100_MS]
+    assert crane.start(START_RETRY_S) == [PERIOD_100_MS]
 
 
 def test_the_answer_to_another_master_changes_nothing() -> None:
@@ -126,10 +126,10 @@ def test_an_emergency_is_reported_and_a_fault_if_the_mapping_says_so(emergency: 
     frame = Frame(0x085, bytes.fromhex("10 42 09 01 02 03 04 05"))
     assert kinds(crane.observe(frame)) == ([FaultKind.EMERGENCY] if emergency == "fault" else [])
     text = "Code 0x4210, Temperature, register 0x09, data 01 02 03 04 05"
-    assert crane.news() == [f"encoder (085): emergency: {text}"]
+    assert crane.take_log() == [f"encoder (085): emergency: {text}"]
     assert crane.nodes[0].watch.active == {0x4210: text}
     crane.observe(frame)
-    assert not crane.news()  # said already
+    assert not crane.take_log()  # said already
     assert not crane.observe(Frame(0x085, bytes(8)))  # error reset
     assert not crane.nodes[0].watch.active
 

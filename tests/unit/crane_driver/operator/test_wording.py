@@ -6,10 +6,10 @@ from importlib.resources import files
 import pytest
 
 from crane_driver.faults import Fault, FaultKind
+from crane_driver.operator import by_hand
 from crane_driver.operator.jog.jog_input import CONTROLS, REQUESTS
 from crane_driver.operator.panel.crane_watch import BUTTONS, plain
-from crane_driver.operator.wording import by_hand
-from crane_driver.safety.states import SafetyState
+from crane_driver.safety.supervisor import SafetyState
 from crane_nodes.driver_client import SERVICES
 
 TEXTS = [

@@ -17,7 +17,7 @@ from unit.crane_driver.safety.supervised import (
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.plausibility import JointEstimate
-from crane_driver.safety.states import LETTING_THROUGH, SafetyState
+from crane_driver.safety.supervisor import LETTING_THROUGH, SafetyState
 
 WAITS = (0.005, 0.05, 0.3)  # s
 REPEATED = (None, 0.0, 0.5, -1.0)  # commands in each cycle of a wait
@@ -164,4 +164,4 @@ class Happening:
         if state in (SafetyState.ESTOP, SafetyState.OFFLINE):
             assert output == NEUTRAL
         self.before = value
-        self.bench.it.news.clear()
+        self.bench.it.log.clear()

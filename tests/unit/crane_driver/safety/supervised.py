@@ -3,7 +3,7 @@
 import math
 
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.limits import load_safety
+from crane_driver.safety.commands import load_safety
 from crane_driver.safety.supervisor import Output, Supervisor
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file

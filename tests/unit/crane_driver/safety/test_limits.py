@@ -8,11 +8,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from crane_driver.safety.limits import JointLimiter, load_safety
+from crane_driver.safety.commands import JointLimiter, load_safety
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.plant import Plant
 
 JOINTS = load_machine().joint_names
@@ -105,15 +105,15 @@ def driven(
     """From a `way` before its limit, with a share of the speed of Table 2; the limiter knows the
     motion `late` cycles later than the encoders.
     """
-    stand_in, i = load_stand_in(), JOINTS.index(joint)
+    simulated, i = load_simulated_crane(), JOINTS.index(joint)
     limits = MACHINE.limits[joint]
     end = limits.position_max if direction > 0 else limits.position_min
-    pose = stand_in.start
+    pose = simulated.start
     pose[i] = end - direction * way
-    plant = Plant(stand_in, MACHINE, pose)
-    chain = stand_in.sensors
+    plant = Plant(simulated, MACHINE, pose)
+    chain = simulated.sensors
     velocity_filter = VelocityFilter(
-        [stand_in.jerk_density[one] for one in JOINTS],
+        [simulated.jerk_density[one] for one in JOINTS],
         [chain.encoder_resolution[one] for one in JOINTS],
     )
     one, u, told, rows = limiter(joint), np.zeros(4), [(pose[i], math.nan)] * late, []

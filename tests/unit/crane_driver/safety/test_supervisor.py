@@ -17,8 +17,7 @@ from unit.crane_driver.safety.supervised import (
 
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.commands import RefusedError, check_valves
-from crane_driver.safety.states import TRANSITIONS, Event, Level, News, SafetyState
-from crane_driver.safety.supervisor import Output
+from crane_driver.safety.supervisor import TRANSITIONS, Event, Level, LogEntry, Output, SafetyState
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 
@@ -236,31 +235,31 @@ def test_faults_that_go_on_keep_the_crane_offline_after_reset() -> None:
 
 def test_state_changes_and_faults_are_told_once() -> None:
     one = Bench().enabled()
-    one.it.news.clear()
+    one.it.log.clear()
     one.it.can_faults([CAN_FAULT] * 3, one.now)
-    assert one.it.news == [
-        News(
+    assert one.it.log == [
+        LogEntry(
             Level.ERROR,
             "encoder of slew, EncoderBase (120): checksum: Crc is 0x00: valves neutral; check "
             "wiring and termination, and the CRC in the mapping, then call reset_fault",
         )
     ]
-    one.it.news.clear()
+    one.it.log.clear()
     one.run(SAFETY.ramp_time)
     one.it.reset(one.now)
     one.run(SAFETY.settling_time + 2 * CYCLE)
     offline, disabled = "fault -> offline", "offline -> disabled"
-    assert one.it.news == [News(Level.INFO, offline), News(Level.INFO, disabled)]
+    assert one.it.log == [LogEntry(Level.INFO, offline), LogEntry(Level.INFO, disabled)]
 
 
 def test_what_follows_from_a_fault_is_counted_and_not_told_again() -> None:
     """A bus that goes away makes every message late, then missing."""
     one = Bench().enabled()
-    one.it.news.clear()
+    one.it.log.clear()
     late = [Fault(FaultKind.LATE, "51 ms", f"Message{k}", "120") for k in range(20)]
     one.it.can_faults(late, one.now)
     one.it.readings(MIDDLE, {**STILL, "outer_boom": math.nan})
-    levels = [news.level for news in one.it.news]
+    levels = [news.level for news in one.it.log]
     assert levels == [Level.ERROR] + 19 * [Level.DEBUG]
     assert one.it.faults.first is late[0]
     assert one.it.cause == "Message0 (120): late: 51 ms"
@@ -274,10 +273,10 @@ def test_what_follows_from_a_fault_is_counted_and_not_told_again() -> None:
 def test_a_foreign_command_is_told_whatever_else_is_wrong() -> None:
     one = Bench().enabled()
     one.it.can_faults([CAN_FAULT], one.now)
-    one.it.news.clear()
+    one.it.log.clear()
     foreign = Fault(FaultKind.FOREIGN, "another node commands the valves", "ValveCommand", "110")
     one.it.can_faults([foreign], one.now)
-    assert [news.level for news in one.it.news] == [Level.ERROR]
+    assert [news.level for news in one.it.log] == [Level.ERROR]
     assert one.it.faults.first is foreign
     assert one.it.cause == str(foreign)
     assert "off the bus" in one.it.remedy

@@ -17,7 +17,7 @@ from unit.crane_driver.safety.any_order import (
     Happening,
 )
 
-from crane_driver.safety.states import SafetyState
+from crane_driver.safety.supervisor import SafetyState
 
 
 class AnyOrder(RuleBasedStateMachine):

@@ -150,7 +150,7 @@ def of_one(time: np.ndarray, position: np.ndarray, origin: str = "column q, tau"
 def five_digits(seed: int) -> Log:
     """At 5 kHz, between two samples less than one step of the numbers above 1 passes."""
     time = np.arange(0.0, 8.0, 2e-4)
-    return of_one(time, np.array([float(f"{one:.5g}") for one in swing(time)]))
+    return of_one(time, np.array([float(f"{sample:.5g}") for sample in swing(time)]))
 
 
 def sent_again(seed: int) -> Log:

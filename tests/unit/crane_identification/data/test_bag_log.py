@@ -13,7 +13,7 @@ from crane_bags.types import (
     Topic,
 )
 from crane_bags.writer import BagWriter
-from crane_identification.data.bag_log import read_bag
+from crane_identification.data.recording_log import read_bag
 from crane_model.errors import DataError
 
 START = 1_700_000_000_000_000_000
@@ -156,7 +156,9 @@ def test_effort_is_the_force_where_no_pressures_were_recorded(tmp_path: Path) ->
     np.testing.assert_array_equal(log.force.value, effort[:, 1:])
     assert log.pressure_a is log.pressure_b is log.supply_pressure is None
     assert "/cylinder_pressures" in log.missing
-    assert any("the effort of /joint_states is taken as the force" in one for one in log.warnings)
+    assert any(
+        "the effort of /joint_states is taken as the force" in warning for warning in log.warnings
+    )
 
 
 @pytest.mark.parametrize("count", [1, COUNT])

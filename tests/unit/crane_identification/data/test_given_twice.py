@@ -32,14 +32,14 @@ def test_a_path_is_given_once(train: list[Path], validate: list[Path], said: str
 
 
 def test_a_copy_is_told_by_its_samples() -> None:
-    one = crane_log(1)
-    copy = replace(one, source="copy")
-    with pytest.raises(DataError, match=f"copy: the same samples as {one.source}"):
-        refuse_copies([one, crane_log(2), copy])
+    log = crane_log(1)
+    copy = replace(log, source="copy")
+    with pytest.raises(DataError, match=f"copy: the same samples as {log.source}"):
+        refuse_copies([log, crane_log(2), copy])
 
 
 def test_the_same_motion_at_another_time_or_with_other_forces_is_no_copy() -> None:
-    one = crane_log(1)
-    assert one.pressure_a is not None
-    other = replace(one.pressure_a, value=1.01 * one.pressure_a.value)
-    refuse_copies([one, replace(one, start=one.start + 10**9), replace(one, pressure_a=other)])
+    log = crane_log(1)
+    assert log.pressure_a is not None
+    changed = replace(log.pressure_a, value=1.01 * log.pressure_a.value)
+    refuse_copies([log, replace(log, start=log.start + 10**9), replace(log, pressure_a=changed)])

@@ -9,7 +9,7 @@ from manual import text
 
 from crane_identification.data.column_map import ColumnMap
 
-TEXT = text("docs/how_to/tables.md")
+TEXT = text("docs/how_to/record.md") + text("docs/reference/column_map.md")
 BLOCKS = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
 TABLE = "\n".join(line for line in TEXT.splitlines() if line.startswith("|"))
 SNIPPETS = re.findall(r"`((?:\{|\w+: )[^`]*)`", TABLE)

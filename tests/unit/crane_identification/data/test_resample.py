@@ -21,8 +21,8 @@ def line(time: np.ndarray, origin: str = "/joint_states") -> Signal:
     return Signal(time, np.column_stack([2.0 * time, 1.0 - time]), origin)
 
 
-def log_of(position: Signal, pressure: Signal, **others: Signal) -> Log:
-    return Log("bag", ("a", "b"), 0, position, pressure_a=pressure, pressure_b=pressure, **others)
+def log_of(position: Signal, pressure: Signal, **more: Signal) -> Log:
+    return Log("bag", ("a", "b"), 0, position, pressure_a=pressure, pressure_b=pressure, **more)
 
 
 def jittered(count: int, seed: int, offset: float = 0.0) -> np.ndarray:

@@ -10,12 +10,11 @@ from unit.crane_identification.report.html_reader import Element, read_html
 from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.diagnosis import explain, findings
-from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
-from crane_identification.diagnosis.region import regions
-from crane_identification.diagnosis.report import charts, page
-from crane_identification.diagnosis.search.energy import left_share
+from crane_identification.diagnosis.findings import Verdict
+from crane_identification.diagnosis.residuals import regions
+from crane_identification.diagnosis.search.search import left_share
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
@@ -72,7 +71,7 @@ def without_coulomb(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
 
 def test_the_missing_terms_are_named_strongest_first(without_coulomb: Diagnosis) -> None:
     """Coulomb friction of 8 N, then the offset of -1.5 N; both with their values."""
-    assert without_coulomb.verdict in (Verdict.NAMED, Verdict.CLASS)
+    assert without_coulomb.verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     first, second = without_coulomb.findings
     assert first.candidate.type == "coulomb" and not first.judged.indistinct
     assert {second.candidate.type, *(m.type for m in second.judged.indistinct)} >= {"offset"}
@@ -100,7 +99,7 @@ def test_what_is_wrong_with_recordings_is_told(tmp_path: Path) -> None:
     logs = [replace(log(tmp_path, seed), notes=(f"mended {seed}",)) for seed in SEEDS]
     options = Options(period=13.0)
     result = diagnose(model(tmp_path, *FULL), logs[:-1], logs[-1:], options, load_thresholds())
-    content = findings.content(result)
+    content = result.results().plain()
     assert [one for one in content["warnings"] if "mended" in one] == [
         f"axis {seed}: mended {seed}." for seed in SEEDS
     ]
@@ -120,7 +119,7 @@ def test_a_spring_is_named(tmp_path: Path) -> None:
 def test_without_its_entry_a_spring_is_not_given_another_name(tmp_path: Path) -> None:
     result = diagnosed(tmp_path, FULL, "spring", without=("hose_stiffness",))
     assert result.verdict is Verdict.UNKNOWN and not result.findings
-    assert findings.content(result)["without"] == ["hose_stiffness"]
+    assert result.results().plain()["without"] == ["hose_stiffness"]
 
 
 def test_an_effect_that_is_not_in_the_catalogue_is_not_left_out(tmp_path: Path) -> None:
@@ -140,7 +139,7 @@ def test_a_pulsation_is_unknown_and_listed(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, FULL, "pulsation")
     assert found.verdict is Verdict.UNKNOWN
     assert f"pulsates at {PULSATION:.2f} Hz" in found.reason
-    (line,) = findings.content(found)["pulsations"]
+    (line,) = found.results().plain()["pulsations"]
     assert line["joint"] == "axis" and line["frequency"] == pytest.approx(PULSATION, abs=0.02)
 
 
@@ -148,7 +147,7 @@ def test_a_model_that_errs_more_on_the_held_out_recording_is_warned_of(tmp_path:
     logs = [log(tmp_path, seed) for seed in SEEDS]
     other = log(tmp_path, 9, "spring")
     result = diagnose(model(tmp_path, *FULL), logs, [other], Options(), load_thresholds())
-    (warning,) = findings.content(result)["warnings"]
+    (warning,) = result.results().plain()["warnings"]
     assert "does not carry over to the held-out recordings: there it errs by" in warning
     assert warning in page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
 
@@ -174,10 +173,10 @@ def test_the_extended_model_loads_and_lacks_nothing_more(
 
 
 def test_findings_hold_every_key(without_coulomb: Diagnosis) -> None:
-    content = findings.content(without_coulomb)
-    assert {"verdict", "where", "findings", "gap", "left"} <= set(content)
+    content = without_coulomb.results().plain()
+    assert {"verdict", "where", "findings", "model_error", "left"} <= set(content)
     assert set(content["findings"][0]) >= {
-        *("effect", "name", "joint", "class_members", "parameters", "score", "threshold"),
+        *("effect", "name", "joint", "ambiguity_group", "parameters", "score", "threshold"),
         *("false_alarm_rate", "runner_up", "margin", "visibility", "settled_by"),
     }
     assert set(content["findings"][0]["parameters"][0]) == {
@@ -190,8 +189,8 @@ def test_the_explanation_names_what_the_page_names(
     without_coulomb: Diagnosis, without_page: Element
 ) -> None:
     """Coulomb friction, and all members of a class, with the gap that proves it."""
-    content = findings.content(without_coulomb)
-    lines = explain.lines(content)
+    content = without_coulomb.results().plain()
+    lines = words.lines(content)
     assert "Coulomb friction (axis)" in lines[0] and "constant force (axis)" in lines[0]
     assert any(line.startswith("Held-out error") for line in lines[:3])
     (headline,) = without_page.find("p", id="verdict")
@@ -200,9 +199,9 @@ def test_the_explanation_names_what_the_page_names(
 
 def test_the_explanation_cuts_nothing(without_coulomb: Diagnosis) -> None:
     """However many findings there are, each has its proof; what is elsewhere is said."""
-    content = findings.content(without_coulomb)
+    content = without_coulomb.results().plain()
     many = [{**content["findings"][0], "score": 1000.0 + i} for i in range(9)]
-    lines = explain.lines(content | {"findings": many})
+    lines = words.lines(content | {"findings": many})
     assert lines[2].startswith("Held-out error")
     for i in range(9):
         assert any(line.startswith(f"   score {1000 + i}, threshold") for line in lines)
@@ -215,11 +214,11 @@ def test_pictures_tell_apart_without_colour_and_link_what_they_are_of(
     """By legends that are drawn in them, so that they are printed."""
     addresses = [one.attributes["href"] for one in without_page.find("a")]
     assert {"model.yaml", "findings.json", "axis.yaml", "#finding-1"} <= set(addresses)
-    shapes = {charts.PATTERNS.get(one, "") for one in (charts.BEFORE, charts.AFTER, charts.BEST)}
+    shapes = {page.PATTERNS.get(one, "") for one in (page.BEFORE, page.AFTER, page.BEST)}
     assert len(shapes) == 3
-    bars = charts.grouped_bars(
+    bars = page.grouped_bars(
         ["axis"],
-        (("before", charts.BEFORE, np.ones(1)), ("after", charts.AFTER, np.ones(1))),
+        (("before", page.BEFORE, np.ones(1)), ("after", page.AFTER, np.ones(1))),
         "error",
     )
     assert bars["layout"]["showlegend"]
@@ -228,9 +227,9 @@ def test_pictures_tell_apart_without_colour_and_link_what_they_are_of(
 
 def test_the_strength_is_that_of_the_whole_effect(without_coulomb: Diagnosis) -> None:
     """8 N of Coulomb friction, over the rms of the force; less shows beside viscous friction."""
-    (first, *_), evidence = findings.content(without_coulomb)["findings"], without_coulomb.training
-    assert first["strength"] == pytest.approx(8.0 / evidence.force_rms[0], rel=0.1)
-    assert first["visible_strength"] < 0.6 * first["strength"]
+    (first, *_), evidence = without_coulomb.results().plain()["findings"], without_coulomb.training
+    assert first["relative_magnitude"] == pytest.approx(8.0 / evidence.force_rms[0], rel=0.1)
+    assert first["visible_magnitude"] < 0.6 * first["relative_magnitude"]
 
 
 def test_pictures_have_words(without_page: Element) -> None:

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.report.cards import folds
-from crane_identification.diagnosis.report.charts import fold_bars, grouped_bars, span
-from crane_identification.diagnosis.variables import feature_unit, unit_of
+from crane_identification.diagnosis.page import fold_bars, folds, grouped_bars, span
+from crane_identification.diagnosis.residuals import feature_unit, unit_of
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 

@@ -10,19 +10,17 @@ from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import AXIS_THETA, axis_log, crane_model
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis import explain, findings
-from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.decision.decision import decide
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
+from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.fit import Training, decimation, kept
-from crane_identification.diagnosis.proof.extension import extended
-from crane_identification.diagnosis.report import page
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.proof.proof import extended
+from crane_identification.diagnosis.search.candidates import candidates_of, changes_of
+from crane_identification.diagnosis.search.projection import whitened_base, whitener
 from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.wanted import changes_of
-from crane_identification.diagnosis.search.whitening import whitened_base, whitener
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.fitting import fit
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
@@ -80,12 +78,12 @@ def test_the_model_holds_the_changed_value_and_the_others_as_they_were(
 
 
 def test_the_values_before_and_after_are_told(worn: Diagnosis) -> None:
-    content = findings.content(worn)
+    content = worn.results().plain()
     assert content["values_kept"] and content["findings"][0]["changed"]
     (value,) = content["findings"][0]["parameters"]
     assert value["before"] + value["change"] == pytest.approx(value["value"])
     assert value["change_std_dev"] > max(value["std_dev"], value["before_std_dev"])
-    lines = explain.lines(content)
+    lines = words.lines(content)
     assert lines[0].startswith("Something has changed since the model was made")
     (said,) = (line for line in lines if "f_c.axis = 8.8" in line)
     (change,) = re.findall(r"\((.*)\)", said)
@@ -96,7 +94,7 @@ def test_the_values_before_and_after_are_told(worn: Diagnosis) -> None:
 def test_of_the_same_machine_nothing_has_changed(tmp_path: Path) -> None:
     result = diagnosed(before(tmp_path))
     assert result.verdict is Verdict.NONE and not result.findings
-    assert explain.lines(findings.content(result))[0].startswith("Nothing has changed")
+    assert words.lines(result.results().plain())[0].startswith("Nothing has changed")
 
 
 def test_changes_of_one_joint_are_told_apart(tmp_path: Path) -> None:
@@ -107,7 +105,7 @@ def test_changes_of_one_joint_are_told_apart(tmp_path: Path) -> None:
     evidence = kept(known, runs, decimation(known, runs, None))
     wanted = [*candidates_of(known, evidence), *changes_of(known)]
     found = search(evidence, wanted)
-    judged = decide(Race(found), load_thresholds()).passed
+    judged = decide(ForwardSelection(found), load_thresholds()).passed
     assert {one.shaped.candidate for one in judged} <= set(changes_of(known))
     assert not any(one.indistinct for one in judged)
     _, values = extended(found, known, judged, Training(runs, 1, "all"))
@@ -158,7 +156,7 @@ def test_a_load_in_all_recordings_is_weighed() -> None:
         p for seed in (1, 2) for p in prepare(known, experiment(seed, 1, model=loaded), options)
     ]
     found = search(kept(known, runs, 20), changes_of(known))
-    judged = decide(Race(found), load_thresholds()).passed
+    judged = decide(ForwardSelection(found), load_thresholds()).passed
     assert [one.shaped.candidate.type for one in judged] == ["payload"]
     after, ((load,),) = extended(found, known, judged, Training(runs, 20, "both"))
     assert load.value == pytest.approx(5.0, abs=4.0 * load.std_dev) and load.std_dev < 0.3

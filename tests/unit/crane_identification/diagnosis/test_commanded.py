@@ -10,16 +10,15 @@ from unit.crane_identification.hydraulics.valve_experiments import MACHINE, play
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis.fit.fit import Fitted, fitted
-from crane_identification.diagnosis.flow.flow import examine
-from crane_identification.diagnosis.flow.usual import load_usual
-from crane_identification.diagnosis.proof.commanded import Commanded, commanded
+from crane_identification.diagnosis.flow import examine, load_usual
+from crane_identification.diagnosis.proof.gap import Commanded, commanded
 from crane_identification.options import Options
 from crane_identification.report.figures import commanded_figures
 from crane_identification.thresholds import load_thresholds
-from crane_model.hydraulics.values import HydraulicValues
+from crane_model.hydraulics import HydraulicValues
 from crane_model.model_file import Model
 from crane_sim.effects.form import Planted
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 
 HIDDEN = "outer_boom"
 LATER = 3_600_000_000_000  # ns
@@ -27,14 +26,14 @@ LATER = 3_600_000_000_000  # ns
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    """As identified of the stand-in machine, whose valves are told at once."""
-    one, stand_in = known_model(), load_stand_in()
+    """As identified of the simulated crane, whose valves are told at once."""
+    one, simulated = known_model(), load_simulated_crane()
     assert one.hydraulics is not None
     values = one.hydraulics.model_dump()
     for known in values["joints"].values():
         known["valve"]["lag"]["value"] -= TOLD_LATE
     pump = MACHINE.hydraulics.pump_flow
-    values["supply"]["droop"]["value"] = stand_in.supply.pump_droop / pump
+    values["supply"]["droop"]["value"] = simulated.supply.pump_droop / pump
     return replace(one, hydraulics=HydraulicValues.model_validate(values))
 
 

@@ -7,8 +7,9 @@ import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
 from crane_identification.diagnosis.decision.decision import Decision, decide
-from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.decision.judgement import Reason, Rejection
 from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.thresholds import load_thresholds
 
 A, B, C, D = np.linalg.qr(normal(1, ROWS, 4))[0].T * np.sqrt(ROWS)
@@ -17,7 +18,7 @@ THRESHOLDS = load_thresholds()
 
 
 def decided(found: Search) -> Decision:
-    return decide(Race(found), THRESHOLDS)
+    return decide(ForwardSelection(found), THRESHOLDS)
 
 
 def names(decision: Decision) -> list[str]:
@@ -34,19 +35,17 @@ def test_noise_is_no_finding_and_the_best_of_it_says_what_it_lacks() -> None:
     assert found.passed == ()
     (nearest,) = found.nearest
     assert nearest.score < found.threshold
-    assert found.objection == (
-        f"its score is {nearest.score:.0f}, and {found.threshold:.0f} is asked for"
-    )
+    assert found.rejections == (Rejection(Reason.SCORE, nearest.score, found.threshold),)
 
 
 def test_the_search_grows_in_the_race_alone() -> None:
-    """What a race began with stays as it was, and what it ends with cannot change."""
+    """What a selection began with stays as it was, and what it ends with cannot change."""
     found = searched({"offset": A, "hose_stiffness": B}, 0.5 * B)
-    race = Race(found)
-    decide(race, THRESHOLDS)
-    assert len(found.sets) == 1 < len(race.search.sets)
+    selection = ForwardSelection(found)
+    decide(selection, THRESHOLDS)
+    assert len(found.sets) == 1 < len(selection.search.sets)
     with pytest.raises(FrozenInstanceError):
-        race.search.projection = found.projection  # type: ignore[misc]
+        selection.search.projection = found.projection  # type: ignore[misc]
 
 
 def test_what_is_missing_is_found_with_the_gain_that_it_has() -> None:
@@ -56,7 +55,7 @@ def test_what_is_missing_is_found_with_the_gain_that_it_has() -> None:
     assert one.score == pytest.approx(0.25 * ROWS, rel=0.2)
     assert one.strength == pytest.approx(0.5 / np.sqrt(5.0**2 + 0.5**2 + 1.0), rel=0.1)
     assert one.indistinct == () and one.runner_up is None
-    assert found.nearest == (one,) and found.objection == ""
+    assert found.nearest == (one,) and not found.rejections
 
 
 def test_the_threshold_is_the_factor_times_the_quantile_of_chance() -> None:
@@ -93,7 +92,9 @@ def test_an_effect_below_the_errors_of_the_processing_is_none() -> None:
     """Beside a force of which it is the five thousandth part."""
     found = decided(searched({"offset": A}, 0.5 * A, mass=2500.0))
     assert not found.passed
-    assert "of the drive force, where the errors of the processing itself" in found.objection
+    (rejection,) = found.rejections
+    assert rejection.reason is Reason.STRENGTH
+    assert rejection.measured < rejection.limit == THRESHOLDS.gates.smallest_strength
 
 
 def test_an_effect_in_a_third_of_the_time_alone_is_none() -> None:
@@ -101,9 +102,7 @@ def test_an_effect_in_a_third_of_the_time_alone_is_none() -> None:
     turned = np.where(np.arange(ROWS) < ROWS // 3, -1.0, 1.0)
     found = decided(searched({"offset": A}, 2.0 * turned * A))
     assert not found.passed
-    assert found.objection == (
-        "it improves the prediction of 4 of the 6 parts that it was not fitted to"
-    )
+    assert found.rejections == (Rejection(Reason.HELD_OUT, 4, 6),)
 
 
 def test_an_effect_that_is_refused_blocks_no_other() -> None:
@@ -114,7 +113,7 @@ def test_an_effect_that_is_refused_blocks_no_other() -> None:
     (nearest,) = found.nearest
     assert nearest.shaped.candidate.type == "offset"
     assert nearest.score > found.passed[0].score
-    assert any("constant force (axis) explains more than chance" in one for one in found.beyond)
+    assert ("constant force (axis)",) in [one.effects for one in found.beyond]
 
 
 @pytest.mark.parametrize(("size", "mass", "shows"), [(2.0, 5.0, True), (2.0, 1e4, False)])
@@ -127,7 +126,8 @@ def test_what_a_test_refuses_though_it_is_no_chance_is_not_nothing(
     found = decided(searched({"offset": A}, size * sign * A, mass=mass))
     assert bool(found.beyond) is (shows and turned)
     assert not shows or bool(found.passed) is not turned
-    assert all("constant force (axis)" in said and found.objection in said for said in found.beyond)
+    expected = ("constant force (axis)",), found.rejections
+    assert all((one.effects, one.rejections) == expected for one in found.beyond)
 
 
 @pytest.mark.parametrize(("size", "indistinct"), [(0.4, ["hose_stiffness"]), (3.0, [])])
@@ -174,7 +174,7 @@ def test_of_laws_that_gain_alike_the_one_with_less_freedom_is_taken() -> None:
     """The other one, with a column more, always gains a little more."""
     wider = 100.0 * np.stack([A + 0.1 * C, A - 0.1 * C], axis=1)  # of pressure
     found = searched({"chamber_gain": wider, "offset": A}, 2.0 * A)
-    first = found.projection.candidates[Race(found).sets(1)[0].numbers[0]]
+    first = found.projection.candidates[ForwardSelection(found).sets(1)[0].numbers[0]]
     assert first.candidate.type == "chamber_gain"
     (one,) = decided(found).passed
     assert one.shaped.candidate.type == "offset"

@@ -8,11 +8,12 @@ from unit.crane_identification.diagnosis.test_axis import FULL, model
 from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.diagnosis.answer.unknown import UnknownForce, unknown_force
+from crane_identification.diagnosis.findings import UnknownPlace
 from crane_identification.diagnosis.fit.fit import fitted
+from crane_identification.diagnosis.search.candidates import wanted
 from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.wanted import wanted
-from crane_identification.diagnosis.unknown_wording import lines
+from crane_identification.diagnosis.unknown import unknown_force
+from crane_identification.diagnosis.words import unknown as told
 from crane_identification.options import Options
 from crane_model.progress_bar import silent
 
@@ -21,7 +22,7 @@ STIFFER = 1  # the one of them that differs
 MORE = 30.0  # N s/m of viscous friction in it
 
 
-def of_recordings(folder: Path, more: float) -> UnknownForce:
+def of_recordings(folder: Path, more: float) -> UnknownPlace:
     one = model(folder, *FULL)
     logs = [stiffened(axis_log(seed, one, periods=2), more * (seed == STIFFER)) for seed in SEEDS]
     fit = fitted(one, logs[:-1], logs[-1:], Options(), False, silent)
@@ -38,8 +39,8 @@ def stiffened(log: Log, more: float) -> Log:
 def test_what_differs_between_recordings_is_named_with_its_size(tmp_path: Path) -> None:
     found = of_recordings(tmp_path, MORE).difference
     assert found is not None
-    assert found.parameter.startswith("f_v") and found.share > 0.8
-    changes = [change for change, _ in found.changes.values()]
+    assert found.parameter.startswith("f_v") and (found.explained_share or 0.0) > 0.8
+    changes = list(found.changes.values())
     assert np.argmax(changes) == STIFFER
     others = np.delete(changes, STIFFER)
     np.testing.assert_allclose(changes[STIFFER] - others, MORE, rtol=0.2)
@@ -61,7 +62,7 @@ def test_the_difference_is_said_with_its_recordings() -> None:
             "std_devs": {"first": 0.5, "second": 0.5, "third": 0.5},
         },
     }
-    more, differ = lines({"unknown": unknown})
-    assert more == "far more of it than in most recordings is in second (3.1 times)"
+    more, differ = told({"unknown": unknown})
+    assert more == "it is far larger than in most recordings in second (3.1 times)"
     assert "f_v_axis of each by itself explains 93" in differ
     assert "in first" in differ and "in second" in differ and "third" not in differ

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis import made
 
-from crane_identification.diagnosis.decision.apart import stands_apart
 from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.drawing import beside_drawn, judged_beside
 from crane_identification.diagnosis.decision.judgement import all_judged, marginal
-from crane_identification.diagnosis.search.race import Race
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import solve
-from crane_identification.diagnosis.search.shapes import Drawn, Shapes
+from crane_identification.diagnosis.decision.lookalikes import stands_apart
+from crane_identification.diagnosis.decision.signatures import judged_beside
+from crane_identification.diagnosis.search.projection import solve
+from crane_identification.diagnosis.search.search import Drawn, Search, Shapes
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.thresholds import load_thresholds
-from crane_model.terms.drawn_force import DrawnPositionForce
-from crane_model.terms.drawn_friction import hats
+from crane_model.terms.nonparametric import NonparametricPositionForce, hats
 
 THRESHOLDS = load_thresholds()
 KNOTS = tuple(np.linspace(-3.0, 3.0, 9).tolist())
@@ -31,7 +29,7 @@ def searched(missing: np.ndarray, second: np.ndarray) -> Search:
     spring = laws[0]
     shape = replace(
         made.shaped("hose_stiffness", hats(Q, KNOTS)[:, 1:]),
-        candidate=Drawn(spring.term, "axis", (("knots", KNOTS),), by=DrawnPositionForce),
+        candidate=Drawn(spring.term, "axis", (("knots", KNOTS),), by=NonparametricPositionForce),
     )
     drawn = {law: shape if law is spring else None for law in laws}
     return replace(found, shapes=Shapes(drawn={**drawn, shape.candidate: shape}))
@@ -40,42 +38,26 @@ def searched(missing: np.ndarray, second: np.ndarray) -> Search:
 @pytest.mark.parametrize("size", [0.0, 1.0])
 def test_a_weak_effect_is_found_beside_a_shape_that_was_drawn(size: float) -> None:
     """It gains 4 % of what the spring does, and less than the law of the spring leaves."""
-    found = decide(Race(searched(9.0 * np.tanh(Q) + size * OTHER, OTHER)), THRESHOLDS)
+    found = decide(ForwardSelection(searched(9.0 * np.tanh(Q) + size * OTHER, OTHER)), THRESHOLDS)
     names = [one.shaped.candidate.effect.name for one in found.passed]
     assert names[0] == "hose stiffness, shape as drawn"
     assert (names[1:] == ["inertia of the actuator"]) is (size > 0.0)
 
 
-def test_a_law_of_a_shape_that_was_drawn_is_no_effect_beside_it() -> None:
-    found = searched(9.0 * np.tanh(Q) + OTHER, OTHER)
-    race = Race(found)
-    spring = found.projection.candidates[0]
-    shape = found.shapes.of(spring.candidate)
-    assert shape is not None
-    number = race.add(shape)
-    start = solve(race.search.projection, (number, 1))
-    assert start is not None
-    race.go_on_from(start)
-    drawn, further = all_judged(race.search, start, THRESHOLDS)
-    law = replace(further, shaped=spring)
-    assert beside_drawn([law, drawn, further]) == (drawn, further)
-    assert beside_drawn([law, further]) == (law, further)
-
-
 def test_an_effect_that_made_way_for_another_is_in_no_set_twice() -> None:
     """As of the scales of several joints, that come to the same, another one is taken."""
     found = searched(9.0 * np.tanh(Q) + OTHER, OTHER)
-    race = Race(found)
+    selection = ForwardSelection(found)
     shape = found.shapes.of(found.projection.candidates[0].candidate)
     assert shape is not None
-    number = race.add(shape)
-    before, after = (solve(race.search.projection, one) for one in ((number, 0), (number, 1)))
+    number = selection.add(shape)
+    before, after = (solve(selection.search.projection, one) for one in ((number, 0), (number, 1)))
     assert before is not None and after is not None
-    race.go_on_from(before)
-    settled = all_judged(race.search, before, THRESHOLDS)
-    judged = judged_beside(race.search, after, settled, THRESHOLDS)
+    selection.go_on_from(before)
+    settled = all_judged(selection.search, before, THRESHOLDS)
+    judged = judged_beside(selection.search, after, settled, THRESHOLDS)
     assert judged[0] is settled[0]
-    assert judged[1].shaped is race.search.projection.candidates[1]
+    assert judged[1].shaped is selection.search.projection.candidates[1]
 
 
 @pytest.mark.parametrize(

@@ -9,27 +9,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.decision.cross_validation import (
+from crane_identification.diagnosis.decision.judgement import (
     TIME_BLOCKS,
+    Judged,
+    all_judged,
     folds,
     folds_of,
     helps,
 )
-from crane_identification.diagnosis.decision.judgement import Judged, all_judged
-from crane_identification.diagnosis.fit.evidence import Evidence
-from crane_identification.diagnosis.fit.runs import CYCLES, Run
+from crane_identification.diagnosis.fit.evidence import CYCLES, Evidence, Run
 from crane_identification.diagnosis.proof.gap import where_trained
 from crane_identification.diagnosis.search.candidates import Candidate, at_shape
-from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.projection import NOTHING, solve
 from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.selection import NOTHING, solve
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.thresholds import load_thresholds
 from crane_model.machine import load_machine
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting
-from crane_model.terms.joint_term import EndCushioning
-from crane_model.terms.single_axis import Inertia
+from crane_model.terms.single_axis import EndCushioning, Inertia
 
 JOINT, LOWEST, HIGH = "telescope", 0.5, 1.55  # m, where it goes at least, and where it ends
 ROWS, STEP = 240, 0.1  # of a recording; s
@@ -72,10 +71,10 @@ def evidence(closest: Sequence[float], times: float = 3.0) -> Evidence:
 
 
 def judged(closest: Sequence[float], times: float = 3.0) -> Judged:
-    race = Race(search(evidence(closest, times), [CUSHION]))
-    best = race.best(1)
+    selection = ForwardSelection(search(evidence(closest, times), [CUSHION]))
+    best = selection.best(1)
     assert best is not None
-    return all_judged(race.search, best, load_thresholds())[0]
+    return all_judged(selection.search, best, load_thresholds())[0]
 
 
 @pytest.mark.parametrize(("closest", "ends"), [(NEAR, ("upper",)), (FAR, ("lower", "upper"))])
@@ -97,13 +96,13 @@ def test_parameters_of_an_end_that_was_not_visited_are_said_not_to_show() -> Non
 
 
 def test_a_zone_is_found_from_either_point_of_the_grid_beside_it() -> None:
-    race = Race(search(evidence([NEAR] * 4), [CUSHION]))
-    candidates = race.search.projection.candidates
+    selection = ForwardSelection(search(evidence([NEAR] * 4), [CUSHION]))
+    candidates = selection.search.projection.candidates
     widest = max(range(len(candidates)), key=lambda k: candidates[k].shape["zone"])
-    start = solve(race.search.projection, (widest,))
+    start = solve(selection.search.projection, (widest,))
     assert start is not None and candidates[widest].shape["zone"] == pytest.approx(0.3)
-    refined = race.refine(start)
-    found = race.search.projection.candidates[refined.numbers[0]]
+    refined = selection.refine(start)
+    found = selection.search.projection.candidates[refined.numbers[0]]
     assert found.shape["zone"] == pytest.approx(ZONE, rel=0.02)
 
 
@@ -158,5 +157,5 @@ def test_a_name_is_held_to_rows_that_see_where_training_went(factor: int) -> Non
 
 
 def test_nothing_is_found_where_nothing_was_visited() -> None:
-    race = Race(search(evidence([FAR] * 4), [CUSHION]))
-    assert race.best(1) in (None, NOTHING)
+    selection = ForwardSelection(search(evidence([FAR] * 4), [CUSHION]))
+    assert selection.best(1) in (None, NOTHING)

@@ -7,7 +7,8 @@ import pytest
 from unit.crane_identification.diagnosis.made import MASS, ROWS, normal, searched
 
 from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.energy import (
+from crane_identification.diagnosis.search.projection import NOTHING, solve
+from crane_identification.diagnosis.search.search import (
     acting,
     detectable,
     left_share,
@@ -17,10 +18,9 @@ from crane_identification.diagnosis.search.energy import (
     unexplained,
     unexplained_beside,
 )
-from crane_identification.diagnosis.search.energy import (
+from crane_identification.diagnosis.search.search import (
     testable_share as share_that_shows,
 )
-from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_model.terms import REGISTRY
 
 A, B = np.linalg.qr(np.random.default_rng(1).standard_normal((ROWS, 2)))[0].T * np.sqrt(ROWS)

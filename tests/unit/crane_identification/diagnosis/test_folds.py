@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis import made
 
-from crane_identification.diagnosis.decision.cross_validation import (
+from crane_identification.diagnosis.decision.judgement import (
     TIME_BLOCKS,
     folds,
     gain,

@@ -12,8 +12,8 @@ from unit.crane_identification.diagnosis.test_strange import INNER, OUTER, decid
 from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
+from crane_identification.diagnosis.findings import Verdict
 from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import load_model, save_model

@@ -9,14 +9,14 @@ from unit.crane_identification.diagnosis.test_verdict import AFTER, gap
 from unit.crane_identification.diagnosis.test_verdict import answer as answered
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.answer.answer import with_left
-from crane_identification.diagnosis.answer.unknown import UnknownForce, left_elsewhere
-from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_identification.diagnosis.answer import with_left
 from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.findings import NearbySignature, UnknownPlace, Verdict
 from crane_identification.diagnosis.fit.evidence import gather
 from crane_identification.diagnosis.search.candidates import candidates_of
 from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.unknown_wording import title
+from crane_identification.diagnosis.unknown import left_elsewhere
+from crane_identification.diagnosis.words import unknown_title
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
@@ -31,7 +31,7 @@ OUTER, TELESCOPE = 1, 2
 OFFSET = ("pressure_offset", "outer_boom")
 
 
-def left(of_spring: float, named: tuple[str, str] = OFFSET) -> tuple[UnknownForce, ...]:
+def left(of_spring: float, named: tuple[str, str] = OFFSET) -> tuple[UnknownPlace, ...]:
     """Chamber A of the outer boom reads too much, and the telescope bends a hose to so much [Pa];
     one effect is `named`.
     """
@@ -60,9 +60,10 @@ def left(of_spring: float, named: tuple[str, str] = OFFSET) -> tuple[UnknownForc
 def test_what_is_left_elsewhere_has_its_joint_size_and_signature() -> None:
     (one,) = left(2e5)
     assert one.joint == "telescope"
-    assert one.signatures[0].types == ("hose_stiffness",) and one.signatures[0].share > 0.9
+    assert one.signatures[0].effects == ["hose_stiffness"]
+    assert (one.signatures[0].explained_share or 0.0) > 0.9
     (half,) = left(1e5)
-    assert 0.01 < half.strength < one.strength
+    assert 0.01 < half.relative_magnitude < one.relative_magnitude
 
 
 def test_nothing_is_left_where_named_effects_are_all() -> None:
@@ -73,13 +74,21 @@ def test_nothing_is_left_where_named_effects_are_all() -> None:
 def test_what_is_left_elsewhere_is_said_beside_the_names() -> None:
     found = answered(AFTER, gap(0.0113, 0.004))
     assert found.verdict is Verdict.AND_MORE and with_left(found, ()) == found
-    signature = Mock(said="a force over the position")
-    force = UnknownForce("telescope", 0.0123, (signature,), {}, None)
+    signature = NearbySignature.model_construct(signature="a force over the position")
+    force = UnknownPlace(
+        joint="telescope",
+        relative_magnitude=0.0123,
+        signatures=[signature],
+        recordings={},
+        difference=None,
+    )
     said = with_left(found, (force,))
     assert said.verdict is Verdict.AND_MORE and said.unknown == force
     assert said.reason.endswith(
         "where none of the effects acts, 1.23% of the drive force of telescope are left, most like "
         "a force over the position"
     )
-    place = {"joint": "telescope", "strength": 0.0123}
-    assert title({"unknown": place, "findings": [{}]}).startswith("What more there is may depend")
+    place = {"joint": "telescope", "relative_magnitude": 0.0123}
+    assert unknown_title({"unknown": place, "findings": [{}]}).startswith(
+        "What more there is may depend"
+    )

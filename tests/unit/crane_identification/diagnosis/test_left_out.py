@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.fit.evidence import Evidence
-from crane_identification.diagnosis.fit.runs import Run
+from crane_identification.diagnosis.fit.evidence import Evidence, Run
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
 from crane_identification.diagnosis.search.visibility import SEEN_SHARE, left_out
 from crane_model.errors import DataError
@@ -36,7 +35,10 @@ def evidence() -> Evidence:
         np.zeros((len(velocity), 1)),
     )
     shown = since > UNSEEN + STEP * SPEED / 2.0
-    gate = np.stack([shown & (since > 3 * UNSEEN), shown & (since <= 3 * UNSEEN)], axis=1)
+    gate = np.stack(
+        [shown & (since > 3 * UNSEEN), shown & (since <= 3 * UNSEEN)],
+        axis=1,
+    )
     run = Run("bag", 0, record, gate.astype(float), 4)
     nothing = np.zeros((0, 2))
     return Evidence(

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.decision.form import faint, mends, slight
-from crane_identification.diagnosis.decision.likeness import likeness
+from crane_identification.diagnosis.decision.judgement import likeness
+from crane_identification.diagnosis.decision.lookalikes import faint, mends, slight
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import Projection
 from crane_identification.thresholds import load_thresholds

@@ -12,16 +12,15 @@ from unit.crane_identification.diagnosis import made as made_up
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.factors import smallest
-from crane_identification.diagnosis.decision.form import faint, slight
 from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.decision.lookalikes import faint, slight
+from crane_identification.diagnosis.decision.several import smallest
 from crane_identification.diagnosis.fit.evidence import gather
-from crane_identification.diagnosis.proof.extension import Value
-from crane_identification.diagnosis.proof.trial import differs
+from crane_identification.diagnosis.proof.proof import Value, differs
 from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.projection import Subset, solve
 from crane_identification.diagnosis.search.search import Search, search
-from crane_identification.diagnosis.search.selection import Subset, solve
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
@@ -51,7 +50,7 @@ def built(larger: Mapping[str, float]) -> Search:
 
 def named(made: Search) -> list[set[tuple[str, str]]]:
     """What a decision names, each with what cannot be told from it."""
-    found = decide(Race(made), THRESHOLDS).passed
+    found = decide(ForwardSelection(made), THRESHOLDS).passed
     several = [(one.shaped.candidate, *one.indistinct) for one in found]
     return [{(one.type, one.where) for one in members} for members in several]
 
@@ -68,10 +67,10 @@ def test_a_linkage_is_named_in_one_class_with_the_gain_of_its_transducers() -> N
 
 
 def test_two_linkages_are_found_at_their_sizes(both: Search) -> None:
-    race = Race(both)
-    decide(race, THRESHOLDS)
-    subset = smallest(race.search, race.sets(2)[0], 10.0)
-    sizes = values(race.search, subset)
+    selection = ForwardSelection(both)
+    decide(selection, THRESHOLDS)
+    subset = smallest(selection.search, selection.sets(2)[0], 10.0)
+    sizes = values(selection.search, subset)
     assert sizes[("linkage_scale", "inner_boom")] == pytest.approx(1.0 - 1.0 / 1.02, abs=2e-3)
     assert sizes[("linkage_scale", "outer_boom")] == pytest.approx(1.0 - 1.0 / 0.98, abs=2e-3)
 

@@ -10,11 +10,15 @@ from hypothesis import strategies as st
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.fit.evidence import Evidence, gather, residual
-from crane_identification.diagnosis.fit.refit import refit
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.loads import agreeing, one_each, weighed
-from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.fit.fit import refit
+from crane_identification.diagnosis.search.candidates import (
+    agreeing,
+    candidates_of,
+    one_each,
+    weighed,
+)
 from crane_identification.diagnosis.search.search import search
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
@@ -41,19 +45,19 @@ def recordings() -> list[Preparation]:
     return [loaded(seed, mass) for seed, mass in enumerate(MASSES)]
 
 
-def sought(preparations: Sequence[Preparation]) -> Race:
+def sought(preparations: Sequence[Preparation]) -> ForwardSelection:
     """The search for a load alone."""
     evidence = gather(crane_model(), preparations, FACTOR)
     wanted = [one for one in candidates_of(crane_model(), evidence) if one.type == "payload"]
-    return Race(search(evidence, wanted))
+    return ForwardSelection(search(evidence, wanted))
 
 
-def found(race: Race) -> tuple[tuple[Load, ...], np.ndarray, float]:
+def found(selection: ForwardSelection) -> tuple[tuple[Load, ...], np.ndarray, float]:
     """The loads that are found, their masses, and their gain."""
-    subset = race.best(1)
+    subset = selection.best(1)
     assert subset is not None
     (number,) = subset.numbers
-    projection = race.search.projection
+    projection = selection.search.projection
     term = projection.candidates[number].term
     assert isinstance(term, Payload) and term.loads is not None
     values = subset.values / projection.scale[projection.columns_of[number]]
@@ -95,10 +99,10 @@ def test_what_an_effect_takes_from_the_model_is_what_that_is_beside_it(
 
 def test_more_loads_than_differ_are_not_kept(recordings: list[Preparation]) -> None:
     """They gain more, and may have looked different while another effect was missing."""
-    race = sought(recordings)
-    candidate = race.search.projection.candidates[0].candidate
-    race.added(candidate, {"loads": one_each(race.search.evidence)[1:]})
-    assert len(found(race)[0]) == 2
+    selection = sought(recordings)
+    candidate = selection.search.projection.candidates[0].candidate
+    selection.added(candidate, {"loads": one_each(selection.search.evidence)[1:]})
+    assert len(found(selection)[0]) == 2
 
 
 @settings(max_examples=25)

@@ -7,14 +7,14 @@ from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.fit.evidence import Evidence, gather
 from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.shapes import Shapes
+from crane_identification.diagnosis.search.search import Shapes
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_model.terms import REGISTRY
-from crane_model.terms.drawn_friction import DRAWING
+from crane_model.terms.nonparametric import NONPARAMETRIC_TERMS
 
 FACTOR = 20
-FOLLOWING = sorted(kind for kind, cls in DRAWING.items() if cls.variable != "lead")
+FOLLOWING = sorted(kind for kind, cls in NONPARAMETRIC_TERMS.items() if cls.variable != "lead")
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.answer.verdict import Verdict
-from crane_identification.diagnosis.open_questions import open_questions
+from crane_identification.diagnosis.diagnosis import _open_questions
+from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import Projection
 from crane_identification.thresholds import load_thresholds
-from crane_model.open_question import QuestionKind
+from crane_model.result_file import QuestionKind
 from crane_model.terms import REGISTRY
 
 A, B = np.eye(2)
@@ -59,9 +59,9 @@ def test_member_of_a_class_that_explains_it_without_the_other_effects() -> None:
         decision=SimpleNamespace(threshold=9.0),
     )
 
-    (question,) = open_questions(diagnosis).questions  # type: ignore[arg-type]
+    (question,) = _open_questions(diagnosis).questions  # type: ignore[arg-type]
 
-    assert question.kind is QuestionKind.CLASS
+    assert question.kind is QuestionKind.AMBIGUOUS
     assert [member.effect for member in question.members] == ["seal_friction", "hose_stiffness"]
     assert question.members[0].values == pytest.approx([1.25])
     assert question.members[1].values == pytest.approx([1.0])

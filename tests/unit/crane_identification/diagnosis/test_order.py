@@ -7,9 +7,8 @@ import pytest
 from unit.crane_identification.synthetic import AXIS_THETA, axis_log, axis_model
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.diagnosis import findings
-from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
+from crane_identification.diagnosis.findings import Verdict
 from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import Model
@@ -63,11 +62,11 @@ def test_oil_that_warms_up_over_a_session_is_named_in_any_order(
     assert found.after.theta[1] == pytest.approx(AXIS_THETA[1], rel=0.05)
     assert found.gap.after[0] < 0.5 * found.gap.before[0]  # the rest is noise
     shuffled = [logs[i] for i in (4, 1, 5, 0, 3, 2)]
-    assert findings.content(diagnosed(model, shuffled, held_out)) == findings.content(found)
+    assert diagnosed(model, shuffled, held_out).results().plain() == found.results().plain()
 
 
 def test_without_a_common_clock_the_answer_says_so(model: Model, logs: list[Log]) -> None:
     same = [replace(log, start=0) for log in logs[:3]]
-    said = findings.content(diagnosed(model, same, same[-1]))
+    said = diagnosed(model, same, same[-1]).results().plain()
     assert said["clock"]["through_session"] is False
     assert "axis 0 and axis 1 overlap" in said["clock"]["reason"]

@@ -124,7 +124,7 @@ def test_a_term_of_two_joints_is_held_to_the_gap_of_these(
     values = [one["value"] for one in finding["parameters"]]
     assert values == pytest.approx(MOTOR, rel=0.05)
     assert content["verdict"] == "named_and_more"
-    before, after = content["gap"]["before"], content["gap"]["after"]
+    before, after = content["model_error"]["before"], content["model_error"]["after"]
     for joint in ("pitch", "roll"):
         errors = [side[joint]["force_relative_error"] for side in (before, after)]
         assert errors[1] < 0.3 * errors[0]

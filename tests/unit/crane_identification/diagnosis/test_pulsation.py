@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.fit.runs import Run
-from crane_identification.diagnosis.proof.pulsation import (
+from crane_identification.diagnosis.fit.evidence import Run
+from crane_identification.diagnosis.proof.gap import (
     SPACING,
     Pulsation,
     clearest_lines,

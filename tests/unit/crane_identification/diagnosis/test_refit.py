@@ -14,15 +14,14 @@ from unit.crane_identification.diagnosis.made import (
     shaped,
 )
 
-from crane_identification.diagnosis.fit.evidence import Evidence
-from crane_identification.diagnosis.fit.refit import UndeterminedError, refit, refit_anyway
-from crane_identification.diagnosis.fit.runs import Run
-from crane_identification.diagnosis.proof.extension import shape_std_devs
+from crane_identification.diagnosis.fit.evidence import Evidence, Run
+from crane_identification.diagnosis.fit.fit import UndeterminedError, refit, refit_anyway
+from crane_identification.diagnosis.proof.proof import shape_std_devs
 from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.diagnosis.search.candidates import at_shape as observed
-from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.projection import solve
 from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import solve
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY
@@ -148,18 +147,22 @@ def test_refinement_finds_a_shape_between_points_of_the_grid(seen: Evidence) -> 
     found = curve(seen, nearest)
     start = solve(found.projection, (0,))
     assert start is not None
-    race = Race(found)
-    refined = race.refine(start)
+    selection = ForwardSelection(found)
+    refined = selection.refine(start)
     assert refined.gain > start.gain
-    assert race.search.projection.candidates[refined.numbers[0]].shape["speed"] == pytest.approx(
-        SPEED, rel=0.06
-    )
+    assert selection.search.projection.candidates[refined.numbers[0]].shape[
+        "speed"
+    ] == pytest.approx(SPEED, rel=0.06)
 
 
 def test_refinement_stays_beside_its_point_of_the_grid(seen: Evidence) -> None:
     """The next point has neighbours of its own."""
     grid = sorted({one["speed"] for one in Candidate(REGISTRY["stribeck"], "axis").grid()})
     found = curve(seen, grid[0])
-    race = Race(found)
-    (refined,) = race.sets(1)
-    assert grid[0] < race.search.projection.candidates[refined.numbers[0]].shape["speed"] < grid[1]
+    selection = ForwardSelection(found)
+    (refined,) = selection.sets(1)
+    assert (
+        grid[0]
+        < selection.search.projection.candidates[refined.numbers[0]].shape["speed"]
+        < grid[1]
+    )

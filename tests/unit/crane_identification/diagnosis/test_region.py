@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import normal
 
-from crane_identification.diagnosis.fit.features import Features
-from crane_identification.diagnosis.region import region
+from crane_identification.diagnosis.fit.evidence import Features
+from crane_identification.diagnosis.residuals import region
 
 ROWS = 2000
 SPEED, TIME = np.random.default_rng(1).uniform(-1.0, 1.0, ROWS), np.arange(ROWS) / 10.0

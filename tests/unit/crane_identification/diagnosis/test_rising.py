@@ -8,10 +8,9 @@ from unit.crane_identification.diagnosis import made
 from unit.crane_identification.diagnosis.test_drawing import OTHER, THRESHOLDS, Q, searched
 
 from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.rising import falls
-from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.decision.signatures import falls
+from crane_identification.diagnosis.search.selection import ForwardSelection
 
-FALLS = "a force that follows the position, whatever the motion, and falls"
 Law = Callable[[np.ndarray], np.ndarray]
 
 
@@ -47,6 +46,6 @@ def test_what_falls_by_chance_is_a_hose() -> None:
 def test_a_spring_that_snaps_is_of_no_effect(steepness: float, named: bool) -> None:
     """It holds back about its centre, and pushes beyond."""
     force = 9.0 * np.tanh(Q) + steepness * np.sin(1.5 * Q)
-    found = decide(Race(searched(force, OTHER)), THRESHOLDS)
+    found = decide(ForwardSelection(searched(force, OTHER)), THRESHOLDS)
     assert bool(found.passed) is named
-    assert any(FALLS in said for said in found.beyond) is not named
+    assert any(one.falls for one in found.beyond) is not named

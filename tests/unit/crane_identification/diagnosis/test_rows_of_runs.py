@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from crane_identification.diagnosis.fit.runs import Run, thinned
-from crane_identification.signals.decimate import PASS_BAND, decimation_rows
+from crane_identification.diagnosis.fit.evidence import Run, thinned
+from crane_identification.signals.decimate import PASS_BAND_SHARE, decimation_rows
 from crane_model.record import Record
 
 CYCLES, STOP_BAND = 12, 6.0  # rows that the response is long, and the shape of its window
@@ -15,7 +15,7 @@ CYCLES, STOP_BAND = 12, 6.0  # rows that the response is long, and the shape of 
 @pytest.mark.parametrize("factor", [2, 7, 20])
 def test_rows_are_samples_of_the_filtered_signal(samples: int, factor: int) -> None:
     taps = CYCLES * factor + 1
-    response = signal.firwin(taps, PASS_BAND / factor, window=("kaiser", STOP_BAND))
+    response = signal.firwin(taps, PASS_BAND_SHARE / factor, window=("kaiser", STOP_BAND))
     values = np.random.default_rng(factor).normal(size=(samples, 2, 3))
     kept, half = decimation_rows(samples, factor), len(response) // 2
     columns = values.reshape(samples, -1).T

@@ -8,11 +8,11 @@ import pytest
 from scipy.stats import chi2
 from unit.crane_identification.diagnosis import made
 
-from crane_identification.diagnosis.decision.chance import null_gains
+from crane_identification.diagnosis.decision.judgement import null_gains
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import Projection
-from crane_identification.diagnosis.search.selection import (
+from crane_identification.diagnosis.search.projection import (
     NOTHING,
+    Projection,
     Subset,
     extended,
     larger_sets,

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import MASS, ROWS, evidence, normal, search
 
-from crane_identification.diagnosis.decision.chance import by_chance
 from crane_identification.diagnosis.decision.decision import decide
+from crane_identification.diagnosis.decision.judgement import by_chance
 from crane_identification.diagnosis.decision.several import on_several_joints
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.projection import NOTHING
 from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import NOTHING
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.thresholds import load_thresholds
 from crane_model.terms import REGISTRY
 
@@ -43,7 +43,7 @@ def lacking(made: Search) -> set[str]:
 
 def named(made: Search) -> dict[str, int]:
     """What a decision names, and how many others cannot be told from it."""
-    found = decide(Race(made), THRESHOLDS).passed
+    found = decide(ForwardSelection(made), THRESHOLDS).passed
     return {one.shaped.candidate.label: len(one.indistinct) for one in found}
 
 
@@ -68,7 +68,7 @@ def test_a_joint_that_lacks_little_is_found_beside_others_that_lack_much() -> No
 
 
 def test_two_kinds_at_once_are_both_found_where_they_are() -> None:
-    """More effects than any race of single ones would go through; one joint lacks one of them."""
+    """More effects than a selection of single ones goes through; one joint lacks one of them."""
     columns = {**COULOMB, **VISCOUS}
     missing = total(columns, sizes("coulomb", 3, 2, 2, 1) | sizes("viscous", 2, 2, 1, 0))
     assert named(asked(columns, missing)) == {

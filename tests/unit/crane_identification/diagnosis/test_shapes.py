@@ -16,23 +16,22 @@ from unit.crane_identification.report.html_reader import read_html
 from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.diagnosis import explain, findings
-from crane_identification.diagnosis.answer.verdict import Verdict
-from crane_identification.diagnosis.decision import shape as shapes
+from crane_identification.diagnosis import page, words
+from crane_identification.diagnosis.decision import signatures
 from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.shape import covered
+from crane_identification.diagnosis.decision.signatures import covered
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
-from crane_identification.diagnosis.report import page
+from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
-from crane_identification.diagnosis.search.race import Race
-from crane_identification.diagnosis.search.selection import solve
-from crane_identification.diagnosis.search.shapes import Shapes
+from crane_identification.diagnosis.search.projection import solve
+from crane_identification.diagnosis.search.search import Shapes
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import load_model, save_model
 from crane_model.terms import REGISTRY
-from crane_model.terms.drawn_friction import hats
+from crane_model.terms.nonparametric import hats
 
 FORCE = 3.0  # N rms of what is added
 SEEDS = range(5)  # four recordings to train on, one to validate on
@@ -104,8 +103,8 @@ def test_an_effect_of_another_law_is_named_by_its_signature(of_a_spring: Diagnos
     assert of_a_spring.verdict in (Verdict.NAMED, Verdict.AND_MORE)
     assert (found.candidate.type, found.candidate.drawn) == ("hose_stiffness", True)
     assert of_a_spring.gap.closed[0] > 0.95
-    (entry,) = findings.answer(of_a_spring).findings
-    (shape,) = entry.shapes
+    (entry,) = of_a_spring.results().findings
+    (shape,) = entry.curves
     assert (entry.effect, shape.variable, shape.times) == ("hose_stiffness", "position", "1")
     assert (shape.variable_unit, shape.unit) == ("m", "N")
     knots, values = np.array(shape.knots), np.array(shape.values)
@@ -136,17 +135,17 @@ def test_a_loss_beyond_a_speed_is_no_stribeck_friction(
 def test_a_drawn_law_is_in_page_terminal_and_model_file(
     of_a_spring: Diagnosis, tmp_path: Path
 ) -> None:
-    content = findings.content(of_a_spring)
-    said = "\n".join(explain.lines(content))
+    content = of_a_spring.results().plain()
+    said = "\n".join(words.lines(content))
     assert "hose stiffness, shape as drawn (axis)" in said
-    assert "law over the position [N at m]: 0 at" in said
+    assert "curve over the position [N at m]: 0 at" in said
     html = page.render(of_a_spring, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
-    assert "The law as it was drawn" in " ".join(read_html(html).text.split())
+    assert "The nonparametric curve" in " ".join(read_html(html).text.split())
     save_model(tmp_path / "after.yaml", of_a_spring.after)
     read = load_model(tmp_path / "after.yaml")
     record = of_a_spring.training.runs[0].record
     np.testing.assert_allclose(read.predict(record), of_a_spring.after.predict(record))
-    assert read.terms[-1].type == "drawn_position_force"
+    assert read.terms[-1].type == "nonparametric_position_force"
     again = {one.type for one in candidates_of(read, of_a_spring.training)}
     assert "stribeck" in again and "hose_stiffness" not in again
 
@@ -157,24 +156,25 @@ def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
     near = result.answer.nearest
     assert near is not None
     assert "follows the position and fades within seconds explains clearly more" in near.objection
-    unknown = findings.answer(result).unknown
+    unknown = result.results().unknown
     assert unknown is not None and unknown.joint == "axis" and not unknown.recordings
     best = unknown.signatures[0]
     assert best.signature == "a force that follows the position and fades within seconds"
     assert not best.effects and best.explained_share > 0.9 and best.better == best.asked == 4
-    said = "\n".join(explain.lines(findings.content(result)))
+    said = "\n".join(words.lines(result.results().plain()))
     assert (
-        "What it may depend on (axis, rms" in said and "no effect of the catalogue is that" in said
+        "What it may depend on (axis, rms" in said
+        and "no effect of the catalogue depends on that" in said
     )
     html = page.render(
         result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"), folder=Path("out")
     )
     text = " ".join(read_html(html).text.split())
-    assert "fades within seconds: some shape of it explains" in text
-    assert "The law as it was drawn" in text  # of the nearest that is one
+    assert "fades within seconds: its best curve explains" in text
+    assert "The nonparametric curve" in text  # of the nearest that is one
     command = "ros2 run crane_trajectory design --settle out --out out/settle.yaml"
     assert "The next experiment" in text and command in text
-    assert explain.next_step(findings.content(result), Path("out"))[0].endswith(command)
+    assert words.next_step(result.results().plain(), Path("out"))[0].endswith(command)
 
 
 def test_a_further_effect_explains_what_no_shape_of_the_first_one_does() -> None:
@@ -240,7 +240,7 @@ def test_effects_pass_with_the_law_that_fits_and_take_the_name_of_the_bend(
     }
     known = replace(known, shapes=Shapes(drawn=drawn))
     bends = {"hose_stiffness": ("pressure_offset",)}
-    monkeypatch.setattr(shapes, "likelier", lambda search, law, rest: bends.get(law.type, ()))
-    passed = decide(Race(known), load_thresholds()).passed
+    monkeypatch.setattr(signatures, "likelier", lambda search, law, rest: bends.get(law.type, ()))
+    passed = decide(ForwardSelection(known), load_thresholds()).passed
     assert [one.shaped.candidate.type for one in passed] == ["pressure_offset", "actuator_inertia"]
     assert all((one.held_out > 0.0).all() for one in passed)

@@ -13,17 +13,24 @@ from unit.crane_identification.diagnosis.test_lengths import with_link
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.decision.decision import Decision, decide
-from crane_identification.diagnosis.decision.factors import factors
 from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.decision.of_lengths import is_of_lengths
-from crane_identification.diagnosis.decision.strange import suspected, with_strange
+from crane_identification.diagnosis.decision.lookalikes import (
+    is_of_lengths,
+    suspected,
+    with_strange,
+)
+from crane_identification.diagnosis.decision.several import factors
 from crane_identification.diagnosis.fit.evidence import gather
 from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
-from crane_identification.diagnosis.search.energy import explained
-from crane_identification.diagnosis.search.lengths import beside_lengths
-from crane_identification.diagnosis.search.race import Race
-from crane_identification.diagnosis.search.search import Search, search
-from crane_identification.diagnosis.search.shapes import ForceSignature, Shapes
+from crane_identification.diagnosis.search.search import (
+    ForceSignature,
+    Search,
+    Shapes,
+    beside_lengths,
+    explained,
+    search,
+)
+from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
@@ -59,7 +66,7 @@ def searched(joint: int, shown: Shown, machine: Machine | None = None) -> Search
 
 
 def decided(joint: int, shown: Shown, machine: Machine | None = None) -> Decision:
-    return decide(Race(searched(joint, shown, machine)), THRESHOLDS)
+    return decide(ForwardSelection(searched(joint, shown, machine)), THRESHOLDS)
 
 
 def larger(**factors: float) -> Machine:
@@ -74,14 +81,16 @@ def larger(**factors: float) -> Machine:
 def test_a_transducer_that_gives_way_is_no_gain(share: float, knee: float) -> None:
     """Less steep beyond some pressure: no parabola, so that its own law is not what finds it."""
     found = decided(INNER, lambda p: p[:, INNER] - share * np.maximum(p[:, INNER] - knee, 0.0))
-    (said,) = found.beyond
-    assert said.startswith("on inner_boom there is a force that bends with the pressure")
+    (one,) = found.beyond
+    assert one.joint == "inner_boom"
+    assert one.signature.startswith("a force that bends with the pressure")
     assert not found.passed
 
 
 def test_what_a_transducer_hears_of_another_joint_is_no_offset() -> None:
     found = decided(OUTER, lambda p: p[:, OUTER] + 0.05 * p[:, INNER])
-    assert "on outer_boom there is a force that follows the pressures of another" in found.beyond[0]
+    assert found.beyond[0].joint == "outer_boom"
+    assert "a force that follows the pressures of another" in found.beyond[0].signature
     assert not found.passed
 
 
@@ -89,7 +98,8 @@ def test_a_bent_transducer_shows_beside_linkages_of_another_size() -> None:
     """The scale of its own joint is found because of it, as that explains little beside it."""
     machine = larger(inner_boom=1.02, outer_boom=0.98)
     found = decided(INNER, lambda p: p[:, INNER] - 2.0 * p[:, INNER] ** 3 / 1e15, machine)
-    assert "on inner_boom there is a force that bends with the pressure" in found.beyond[0]
+    assert found.beyond[0].joint == "inner_boom"
+    assert "a force that bends with the pressure" in found.beyond[0].signature
     assert "inner_boom" not in {one.shaped.candidate.joint for one in found.passed}
 
 
@@ -102,7 +112,7 @@ def test_linkages_of_another_size_alone_are_not_strange() -> None:
 def bends(made: Search, known: list[np.ndarray]) -> bool:
     """Whether lengths leave what bends most with pressures of the inner boom, beside the known."""
     before = explained(made, *known) if known else 0.0
-    bending = [one for one in made.shapes.strangers("inner_boom") if "bends" in one.said]
+    bending = [one for one in made.shapes.unlisted_signatures("inner_boom") if "bends" in one.said]
     leads = [explained(made, *known, one.columns) - before for one in bending]
     lead = max(leads)
     one = bending[leads.index(lead)]
@@ -166,5 +176,5 @@ def test_little_of_a_strong_effect_is_the_form_of_its_law(law: float, kept: bool
     known = replace(made_up, shapes=Shapes(made_up.evidence, strange={"axis": (strange,)}))
     shaped = known.projection.candidates[0]
     found = cast(Judged, Mock(shaped=shaped, score=law))
-    said = with_strange(known, [found], 50.0, THRESHOLDS).said
-    assert bool(said) is kept
+    beyond = with_strange(known, [found], 50.0, THRESHOLDS).beyond
+    assert bool(beyond) is kept

@@ -5,12 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence
-from crane_identification.diagnosis.fit.runs import Run
+from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence, Run
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
-from crane_identification.diagnosis.search.projection import project
+from crane_identification.diagnosis.search.projection import project, whitened_base, whitener
 from crane_identification.diagnosis.search.visibility import visible
-from crane_identification.diagnosis.search.whitening import whitened_base, whitener
 from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY

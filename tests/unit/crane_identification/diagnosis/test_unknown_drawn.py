@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
-from crane_identification.diagnosis.answer import unknown
-from crane_identification.diagnosis.search.shapes import ForceSignature
+from crane_identification.diagnosis import unknown
+from crane_identification.diagnosis.search.search import ForceSignature
+from crane_model.terms import NonparametricCurve
 
 KNOTS, UNREACHED = 8, (3, 6)
 
@@ -21,11 +22,13 @@ def test_what_no_recording_reaches_is_drawn_without_a_spread(seed: int) -> None:
     columns[:, UNREACHED] = 0.0
     made = searched({"offset": normal(50)}, columns[:, 0])
     term = SimpleNamespace(
-        parameters=lambda _: [SimpleNamespace(unit="N")] * KNOTS, curves=lambda values: (values,)
+        only_joint="axis",
+        parameters=lambda _: [SimpleNamespace(unit="N")] * KNOTS,
+        curves=lambda values: (NonparametricCurve("position", tuple(range(KNOTS)), values, "1"),),
     )
     there = np.stack([columns, np.zeros_like(columns)], axis=1)
     signature = SimpleNamespace(term=term, columns=there)
-    (drawn,) = unknown._drawn(made, cast(ForceSignature, signature))
+    (drawn,) = unknown._best_curves(made, cast(ForceSignature, signature), False)
     std_devs = np.asarray(drawn.std_devs)
     assert np.isfinite(std_devs).all()
     assert std_devs[list(UNREACHED)] == pytest.approx(0.0, abs=1e-9)

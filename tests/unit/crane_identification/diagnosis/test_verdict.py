@@ -7,17 +7,12 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.answer.answer import with_loads, with_pulsation
-from crane_identification.diagnosis.answer.verdict import Answer, Reach, Verdict, judge
-from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.proof.extension import Value
-from crane_identification.diagnosis.proof.gap import Gap
-from crane_identification.diagnosis.proof.learner import Learnt
-from crane_identification.diagnosis.proof.proof import Proof, Short
-from crane_identification.diagnosis.proof.pulsation import Pulsation
-from crane_identification.diagnosis.proof.trial import Trial, differs
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.loads import Weighed
+from crane_identification.diagnosis.answer import Answer, Reach, judge, with_loads, with_pulsation
+from crane_identification.diagnosis.decision.judgement import Judged, Reason, Rejection
+from crane_identification.diagnosis.findings import Verdict
+from crane_identification.diagnosis.proof.gap import Gap, Learnt, Pulsation
+from crane_identification.diagnosis.proof.proof import Proof, Short, Trial, Value, differs
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, Weighed
 from crane_identification.thresholds import load_thresholds
 from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.machine_files import machine_file
@@ -202,18 +197,18 @@ def test_a_name_that_closes_the_gap_is_named() -> None:
 
 
 def test_a_name_that_closes_no_gap_is_unknown() -> None:
-    found = answer(short=(Short(effect(), "it closes 39% of the gap"),))
-    assert found.verdict is Verdict.UNKNOWN and found.objection == "it closes 39% of the gap"
+    found = answer(short=(Short(effect(), Rejection(Reason.CLOSED, 0.39, 0.8)),))
+    assert found.verdict is Verdict.UNKNOWN and "it closes 39% of what" in found.objection
 
 
 def test_a_further_name_that_closes_no_gap_is_something_more() -> None:
     found = answer(
         AFTER,
         gap(0.0113, 0.0006),
-        short=(Short(effect("hose_stiffness"), "it does not"),),
+        short=(Short(effect("hose_stiffness"), Rejection(Reason.CLOSED, 0.39, 0.8)),),
     )
     assert found.verdict is Verdict.AND_MORE
-    assert "hose stiffness (outer_boom) would go with them, but it does not" in found.reason
+    assert "hose stiffness (outer_boom) would go with them, but it closes 39%" in found.reason
 
 
 @pytest.mark.parametrize(
@@ -231,9 +226,9 @@ def test_what_passed_is_kept_where_something_more_is_missing(after: Trial, seen:
 
 def test_a_class_stays_one_where_something_more_is_missing() -> None:
     after = trial(effect("load_friction", ("seal_friction",)), energy=500.0)
-    assert answer(after=after, seen=gap(0.0113, 0.0006)).verdict is Verdict.CLASS
+    assert answer(after=after, seen=gap(0.0113, 0.0006)).verdict is Verdict.AMBIGUOUS
     found = answer(after=after, seen=gap(0.0113, 0.004))
-    assert found.verdict is Verdict.AND_MORE and "do not tell apart" in found.reason
+    assert found.verdict is Verdict.AND_MORE and "cannot tell apart" in found.reason
 
 
 def test_what_is_zero_within_its_deviation_is_no_name() -> None:

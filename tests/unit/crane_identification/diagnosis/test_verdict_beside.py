@@ -13,12 +13,19 @@ from unit.crane_identification.diagnosis.test_verdict import (
     trial,
 )
 
-from crane_identification.diagnosis.answer.answer import with_flow, with_pulsation, with_too_little
-from crane_identification.diagnosis.answer.verdict import Answer, Verdict, judge
+from crane_identification.diagnosis.answer import (
+    Answer,
+    judge,
+    with_flow,
+    with_pulsation,
+    with_too_little,
+)
 from crane_identification.diagnosis.decision.decision import Decision
-from crane_identification.diagnosis.flow.flow import Flow, Gain, Quantity
+from crane_identification.diagnosis.decision.judgement import Reason, Rejection
+from crane_identification.diagnosis.findings import Verdict
+from crane_identification.diagnosis.flow import Flow, Gain, Quantity
+from crane_identification.diagnosis.proof.gap import Line, Pulsation, pulsations
 from crane_identification.diagnosis.proof.proof import Proof, objection
-from crane_identification.diagnosis.proof.pulsation import Line, Pulsation, pulsations
 
 CLOSED = gap(0.0113, 0.0006)
 USUAL = 0.005  # share of the flow that is left unexplained
@@ -44,7 +51,7 @@ def flow(
         (Verdict.INSUFFICIENT, Verdict.NAMED),
         (Verdict.UNKNOWN, Verdict.AND_MORE),
         (Verdict.NAMED, Verdict.NAMED),
-        (Verdict.CLASS, Verdict.CLASS),
+        (Verdict.AMBIGUOUS, Verdict.AMBIGUOUS),
         (Verdict.AND_MORE, Verdict.AND_MORE),
     ],
 )
@@ -59,7 +66,7 @@ def test_what_is_beyond_the_usual_in_the_flow_is_a_name(before: Verdict, expecte
     [
         (Verdict.NONE, Verdict.UNKNOWN),
         (Verdict.NAMED, Verdict.AND_MORE),
-        (Verdict.CLASS, Verdict.AND_MORE),
+        (Verdict.AMBIGUOUS, Verdict.AND_MORE),
         (Verdict.INSUFFICIENT, Verdict.UNKNOWN),
         (Verdict.UNKNOWN, Verdict.UNKNOWN),
     ],
@@ -69,7 +76,7 @@ def test_a_law_of_the_flow_that_has_no_name_is_something_more(
 ) -> None:
     found = with_flow(Answer(before, "so"), [flow(left=0.05, correlation=0.6)])
     assert found.verdict is expected
-    assert "5.0% of the flow of outer_boom follow a law" in found.reason
+    assert "5.0% of the flow of outer_boom is systematic" in found.reason
 
 
 @pytest.mark.parametrize(
@@ -127,7 +134,7 @@ def test_what_is_more_than_chance_but_too_little_is_said_beside_none(
 ) -> None:
     """The threshold is 50."""
     weak = replace(effect(), score=score)
-    decision = Decision((), 50.0, (weak,), "it is 0.00059 of the drive force", ())
+    decision = Decision((), 50.0, (weak,), (Rejection(Reason.STRENGTH, 0.00059, 0.0006),), ())
     none = answer()
     found = with_too_little(none, decision)
     assert found.verdict is Verdict.NONE
@@ -185,7 +192,7 @@ def test_where_there_is_no_gap_a_name_must_not_open_one(after: float, closes: bo
     """By 5 %, beyond twice the noise floor."""
     seen = gap(0.001, after)
     assert np.isnan(seen.closed[1])
-    assert (objection(effect(), seen, THRESHOLDS) == "") is closes
+    assert (objection(effect(), seen, THRESHOLDS) is None) is closes
 
 
 def test_a_name_is_held_to_where_training_went() -> None:
@@ -194,7 +201,7 @@ def test_a_name_is_held_to_where_training_went() -> None:
     assert objection(effect(), everywhere, THRESHOLDS)
     seen = replace(everywhere, trained=there)
     assert seen.held_to is there and everywhere.held_to is everywhere
-    assert objection(effect(), seen, THRESHOLDS) == ""
+    assert objection(effect(), seen, THRESHOLDS) is None
 
 
 @pytest.mark.parametrize(("before", "open_"), [(0.001025, False), (0.00103, True)])
@@ -213,4 +220,6 @@ def test_a_law_that_only_the_learner_finds_is_unknown() -> None:
     before = trial(energy=5000.0, share=0.3)
     found = judge(Proof(before, before, gap(0.0006)), ENOUGH, THRESHOLDS)
     assert found.verdict is Verdict.UNKNOWN
-    assert found.reason == "what is left on outer_boom follows a law, but none of the catalogue"
+    assert found.reason == (
+        "the residual of outer_boom is systematic, but no effect of the catalogue explains it"
+    )

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from crane_identification.diagnose import main
-from crane_identification.diagnosis import explain, finding_wording, wording
-from crane_identification.diagnosis.findings_file import Findings
+from crane_identification.diagnosis import words
+from crane_identification.diagnosis.findings import Findings
 from crane_identification.notation import NARROW_SPACE
 
 PERCENT = f"{NARROW_SPACE}%"
@@ -26,8 +26,8 @@ def finding(**more: Any) -> dict[str, Any]:
         "effect": "load_friction",
         "name": "load-dependent joint friction",
         "joint": "outer_boom",
-        "class_members": [],
-        "shapes": [],
+        "ambiguity_group": [],
+        "curves": [],
         "parameters": [parameter("mu_load.outer_boom", 0.039995, 8.8e-5, "1", 0.0)],
         "carried_in": {},
         "score": 7630.2,
@@ -37,8 +37,8 @@ def finding(**more: Any) -> dict[str, Any]:
         "margin": 4625.9,
         "margin_needed": 76.1,
         "visibility": 0.39,
-        "strength": 0.04,
-        "visible_strength": 0.0071,
+        "relative_magnitude": 0.04,
+        "visible_magnitude": 0.0071,
         "held_out_gains": {},
         "settled_by": "the same motion with raised back-pressure",
     } | more
@@ -70,7 +70,7 @@ PRESSURE = region("pressure sum of outer_boom", 20396674.4, 22380688.8, "Pa")
 
 
 def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, Any]:
-    noise = {"white": False, "correlation": 0.3, "learnable_share": 0.0, "law": False}
+    noise = {"white": False, "correlation": 0.3, "learnable_share": 0.0, "systematic": False}
     noise["beyond_noise"] = False
     return {
         "verdict": verdict,
@@ -82,7 +82,7 @@ def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, A
         },
         "findings": list(findings),
         "nearest": None,
-        "gap": {
+        "model_error": {
             "before": side(0.0113),
             "after": side(0.0005 if findings else 0.0113),
             "closed": {"inner_boom": None, "outer_boom": 1.0 if findings else None},
@@ -105,7 +105,7 @@ def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, A
 
 def text(said: dict[str, Any]) -> str:
     Findings.model_validate(said)  # such a file can be
-    return "\n".join(explain.lines(said)).replace(NARROW_SPACE, " ")
+    return "\n".join(words.lines(said)).replace(NARROW_SPACE, " ")
 
 
 def test_the_proof_comes_before_what_was_found() -> None:
@@ -131,23 +131,19 @@ def test_a_class_is_named_by_all_of_its_members() -> None:
         {"effect": "offset", "name": "constant force", "joint": "outer_boom"},
         {"effect": "base_tilt", "name": "base tilt", "joint": "all"},
     ]
-    said = text(content("class", finding(class_members=members)))
+    said = text(content("ambiguous", finding(ambiguity_group=members)))
     own = "load-dependent joint friction or constant force (outer boom)"
     names = f"{own} or base tilt (the whole machine)"
-    assert said.splitlines()[0].endswith(f"a class: {names}.")
+    assert said.splitlines()[0].endswith(f"which of these effects it is: {names}.")
     assert f"1. {names}" in said and "as load-dependent joint friction (outer boom): mu" in said
 
 
 def test_a_lead_that_was_not_asked_for_is_not_printed_as_one() -> None:
     """A rival of more freedom needs no lead; a member of the class has none."""
-    assert finding_wording.evidence(finding(margin=50.0)).endswith(
-        "which is the same with more freedom"
-    )
+    assert words.evidence(finding(margin=50.0)).endswith("which is the same with more freedom")
     rival = finding()["runner_up"]
-    member = finding(margin=0.0, class_members=[rival])
-    assert finding_wording.evidence(member).endswith(
-        "0 ahead of hose stiffness (outer boom), 76 asked"
-    )
+    member = finding(margin=0.0, ambiguity_group=[rival])
+    assert words.evidence(member).endswith("0 ahead of hose stiffness (outer boom), 76 asked")
 
 
 @pytest.mark.parametrize("verdict", ["none", "insufficient_data"])
@@ -176,7 +172,7 @@ def test_regions_have_units_that_people_read() -> None:
     ],
 )
 def test_parameters_that_are_not_determined_are_no_numbers(one: dict, expected: str) -> None:
-    assert str(finding_wording.estimate(one)) == expected
+    assert str(words.estimate(one)) == expected
 
 
 NEAREST = {
@@ -190,7 +186,7 @@ NEAREST = {
         }
     ],
     "explained_share": 0.43,
-    "gap": {
+    "model_error": {
         "inner_boom": {"before": 0.0004, "after": 0.0004},
         "outer_boom": {"before": 0.0113, "after": 0.009},
     },
@@ -202,16 +198,16 @@ def test_unknown_says_what_is_nearest_and_why_that_does_not_do() -> None:
     said = text(content("unknown", nearest=NEAREST))
     assert "backlash (outer boom): score 13224, threshold 54" in said
     assert "explains 43 %" in said and "of the outer boom 1.13 % → 0.90 %" in said
-    assert "no name: it closes 39 % of the gap on outer boom" in said
+    assert "not named, because it closes 39 % of the gap on outer boom" in said
 
 
 def test_what_is_left_beside_names_is_said() -> None:
-    left = {"white": False, "correlation": 0.8, "learnable_share": 0.3, "law": True}
+    left = {"white": False, "correlation": 0.8, "learnable_share": 0.3, "systematic": True}
     left |= {"beyond_noise": True, "region": PRESSURE}
     said = text(content("named_and_more", finding(), left={"outer_boom": left}))
     assert (
-        "What is left: a law on the outer boom (30 % of the energy there, most with pressure sum "
-        "of the outer boom in 204 to 224 bar)." in said
+        "What is left: a systematic residual on the outer boom (30 % of the energy there, "
+        "most with pressure sum of the outer boom in 204 to 224 bar)." in said
     )
 
 
@@ -231,7 +227,13 @@ def test_nothing_is_left_out_without_a_word() -> None:
 
 def test_what_exceeds_the_scatter_between_periods_is_not_called_noise() -> None:
     """The reason of the verdict, though no learner finds its law."""
-    left = {"white": True, "correlation": 0.1, "learnable_share": 0.0, "law": False, "region": None}
+    left = {
+        "white": True,
+        "correlation": 0.1,
+        "learnable_share": 0.0,
+        "systematic": False,
+        "region": None,
+    }
     joints = {
         "inner_boom": left | {"beyond_noise": False},
         "outer_boom": left | {"beyond_noise": True},
@@ -249,8 +251,8 @@ def test_a_load_of_one_recording_says_where_it_is_carried() -> None:
         parameters=[parameter("m_payload", 6.617, 0.005, "kg")],
         carried_in={"m_payload": ["held_out"], "none": ["train_0", "train_1"]},
         runner_up=None,
-        strength=None,
-        visible_strength=None,
+        relative_magnitude=None,
+        visible_magnitude=None,
     )
     said = text(content("named", load))
     assert "1. payload change (the whole machine)\n   m_payload = 6.6170 ± 0.0050 kg\n" in said
@@ -271,6 +273,6 @@ def test_explain_tells_what_is_doubtful_of_the_recordings(
 
 def test_names_of_parameters_are_not_spoken() -> None:
     joints = ("outer_boom",)
-    assert wording.said("f_v.outer_boom on outer_boom, 3%", joints) == (
+    assert words.said("f_v.outer_boom on outer_boom, 3%", joints) == (
         f"f_v.outer_boom on outer boom, 3{PERCENT}"
     )

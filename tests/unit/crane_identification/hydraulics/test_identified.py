@@ -15,18 +15,18 @@ from unit.crane_identification.hydraulics.valve_experiments import (
 )
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.hydraulics.balance import passages
 from crane_identification.hydraulics.joint_estimate import (
     identify_hydraulics,
     identify_joint,
     identify_motion,
 )
-from crane_identification.hydraulics.passage import passages
 from crane_model.errors import DataError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_sim.effects.form import Planted
-from crane_sim.effects.forms import FORMS
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.effects.kernel import FORMS
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 
 WIDTH = 0.01
 TOLERANCE = {"lag": 5e-4, "hysteresis": 3e-4}  # absolute; of the others relative:
@@ -35,47 +35,47 @@ GAINS = 0.001
 
 
 @pytest.fixture(scope="module")
-def stand_in() -> StandIn:
+def simulated() -> SimulatedCrane:
     """With the two directions of the outer boom's valve unequal by 20 %."""
-    one = load_stand_in()
-    valve = one.valves["outer_boom"]
+    simulated = load_simulated_crane()
+    valve = simulated.valves["outer_boom"]
     edges = {"supply_a": 1.1, "b_tank": 1.1, "supply_b": 0.9, "a_tank": 0.9}
     unequal = valve.model_copy(
         update={"edges": valve.edges.model_copy(update=edges), "null_bias": 0.01}
     )
-    valves = one.valves | {"outer_boom": unequal}
-    return one.model_copy(update={"valves": valves})
+    valves = simulated.valves | {"outer_boom": unequal}
+    return simulated.model_copy(update={"valves": valves})
 
 
 @pytest.fixture(scope="module")
-def log(stand_in: StandIn) -> Log:
+def log(simulated: SimulatedCrane) -> Log:
     """Commands are late by 10 ms, and logged from SILENT on."""
-    return recorded(stand_in, seed=1, periods=2, planted=[play("outer_boom", WIDTH)], live=True)
+    return recorded(simulated, seed=1, periods=2, planted=[play("outer_boom", WIDTH)], live=True)
 
 
-def test_a_live_recording_tells_valves_oil_and_supply(log: Log, stand_in: StandIn) -> None:
+def test_a_live_recording_tells_valves_oil_and_supply(log: Log, simulated: SimulatedCrane) -> None:
     model = load_model(machine_file("model.yaml"))
     found = identify_hydraulics(model, [log], PERIOD)
     assert found is not None
     assert "'slew': its cylinder extends for 0 s" in found.unknown["slew"]
     for joint in FITTED:
-        one = found.joints[joint]
-        true = truth(stand_in, joint, WIDTH if joint == "outer_boom" else 0.0)
+        hydraulics = found.joints[joint]
+        true = truth(simulated, joint, WIDTH if joint == "outer_boom" else 0.0)
         true["lag"] += 0.010
         true.pop("natural_frequency")  # of a loop whose delay varies
         true.pop("damping_ratio")  # assumed
         for name, value in true.items():
-            got = one.values[name]
+            got = hydraulics.values[name]
             assert got.std_dev is not None
             share = next((r for key, r in RELATIVE.items() if name.startswith(key)), GAINS)
             allowed = TOLERANCE.get(name, share * value)
             assert abs(got.value - value) < allowed, (joint, name, got, value)
             assert abs(got.value - value) < 5.0 * got.std_dev + 1e-5 * value, (joint, name)
-        assert one.unexplained < 0.01
-        assert one.lack_of_fit is not None
-        assert one.lack_of_fit > 1e-3
+        assert hydraulics.unexplained < 0.01
+        assert hydraulics.lack_of_fit is not None
+        assert hydraulics.lack_of_fit > 1e-3
     assert found.supply is not None
-    droop = stand_in.supply.pump_droop / MACHINE.hydraulics.pump_flow
+    droop = simulated.supply.pump_droop / MACHINE.hydraulics.pump_flow
     assert found.supply.pressure.value == pytest.approx(
         MACHINE.hydraulics.supply_pressure, rel=1e-4
     )
@@ -105,16 +105,16 @@ def test_the_part_before_a_gap_may_be_shorter_than_a_period() -> None:
 
 @pytest.mark.parametrize("supply", [True, False], ids=["with supply", "position and command"])
 def test_a_joint_without_transducers_shows_dead_zones_and_gains(supply: bool) -> None:
-    stand_in = load_stand_in()
-    log = recorded(stand_in, seed=2, periods=1, slewed=True)
+    simulated = load_simulated_crane()
+    log = recorded(simulated, seed=2, periods=1, slewed=True)
     bare = replace(log, supply_pressure=None, tank_pressure=None, pressure_a=None, pressure_b=None)
-    valve = stand_in.valves["slew"]
+    valve = simulated.valves["slew"]
     found = identify_motion(MACHINE, "slew", [log if supply else bare])
     assert found.chambers is None
     assert found.valve.dead_zone_a.value == pytest.approx(valve.dead_zone, abs=0.003)
     assert found.valve.dead_zone_b.value == pytest.approx(valve.dead_zone, abs=0.003)
     # less by what friction takes of the pressure
-    gain = truth(stand_in, "slew")["supply_a"]
+    gain = truth(simulated, "slew")["supply_a"]
     assert 0.8 * gain < found.valve.supply_a.value < gain
     assert "pressure transducers" in found.undetermined["bulk_modulus"]
 
@@ -126,12 +126,12 @@ def test_a_recording_is_cut_to_where_all_is_known(log: Log) -> None:
     assert log.pressure_a is not None
     holed = log.pressure_a.value.copy()
     holed[silent, FITTED.index("telescope")] = np.nan
-    two = passages(
+    both = passages(
         MACHINE, "telescope", [replace(log, pressure_a=replace(log.pressure_a, value=holed))]
     )
-    assert len(two) == 2
-    assert two[0].time[-1] < 20.02
-    assert two[1].time[0] > 20.48
+    assert len(both) == 2
+    assert both[0].time[-1] < 20.02
+    assert both[1].time[0] > 20.48
 
 
 def test_what_is_not_logged_or_too_little_is_said(log: Log) -> None:

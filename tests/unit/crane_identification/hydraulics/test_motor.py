@@ -5,15 +5,15 @@ import pytest
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.hydraulics.joint_estimate import ASSUMED_MODULUS, identify_hydraulics
-from crane_model.hydraulics.values import JointHydraulics
+from crane_model.hydraulics import JointHydraulics
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model
 from crane_model.terms.term import Setting
-from crane_sim.make_bag import load_both
+from crane_sim.options import load_both
 from crane_sim.plant.closed_loop import SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory

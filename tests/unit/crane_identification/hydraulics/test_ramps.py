@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 import yaml
 
-from crane_driver.operator.bringup.samples import Trace
-from crane_driver.operator.bringup.series import DeadBands, Result
-from crane_driver.operator.bringup.valves import average, fit_dead_band
-from crane_identification.hydraulics.ramps import with_ramps
+from crane_driver.operator.bringup.estimates import Trace, average, fit_dead_band
+from crane_driver.operator.bringup.results import DeadBands, Result
+from crane_identification.hydraulics.joint_estimate import with_ramps
 from crane_model.cylinders import lever_arm
 from crane_model.errors import DataError
-from crane_model.hydraulics.values import HydraulicValues
+from crane_model.hydraulics import HydraulicValues
 from crane_model.machine import load_machine
 
 SLEW, BOOM = "slew", "inner_boom"
@@ -31,8 +30,8 @@ def bands(repeats: int = 3) -> DeadBands:
         way = np.cumsum(gain * np.maximum(late - dead_band, 0.0)) * 0.005
         read = [way + noise.normal(0.0, 3e-5, len(time)) for _ in range(repeats)]
         return average(
-            [fit_dead_band(SLEW, Trace(time, direction * one, direction * command), direction)
-             for one in read],
+            [fit_dead_band(SLEW, Trace(time, direction * reading, direction * command), direction)
+             for reading in read],
             rate=0.0375,
         )  # fmt: skip
 

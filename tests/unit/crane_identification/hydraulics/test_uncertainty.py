@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from crane_identification.hydraulics.balance import CUT_OFF, ORDER, WHITENED, PassageRows
-from crane_identification.hydraulics.passage import Passage, between_counts
+from crane_identification.hydraulics.balance import (
+    CUT_OFF,
+    FLOW_FILTER_ORDER,
+    WHITENED,
+    Passage,
+    PassageRows,
+    between_counts,
+)
 from crane_identification.hydraulics.projection import block_covariance
 
 STEP = 0.005  # s
@@ -57,6 +63,8 @@ def _gain_of_white() -> float:
     """Standard deviation of the filtered speed per standard deviation of white noise [1/s]."""
     noise = np.random.default_rng(2).normal(size=40000)
     slope = (noise[2:] - noise[:-2]) / (2.0 * STEP)
-    low = signal.sosfiltfilt(signal.butter(ORDER, CUT_OFF, fs=1.0 / STEP, output="sos"), slope)
+    low = signal.sosfiltfilt(
+        signal.butter(FLOW_FILTER_ORDER, CUT_OFF, fs=1.0 / STEP, output="sos"), slope
+    )
     whole = signal.butter(1, WHITENED, fs=1.0 / STEP, output="sos")
     return float(np.std(signal.sosfilt(whole, low)))

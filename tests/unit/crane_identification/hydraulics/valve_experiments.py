@@ -1,4 +1,4 @@
-"""Recordings of the stand-in machine whose valves and oil are known, as logs."""
+"""Recordings of the simulated crane whose valves and oil are known, as logs."""
 
 from collections.abc import Sequence
 
@@ -7,15 +7,15 @@ import numpy as np
 from crane_identification.data.log import Log, Signal
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_sim.calibration import SLEW, Slewing
 from crane_sim.effects.form import Planted
-from crane_sim.effects.forms import FORMS
-from crane_sim.hiding.calibrate import SLEW, Slewing
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.effects.kernel import FORMS
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 from crane_sim.plant.closed_loop import LatePlant, SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_sim.planted import hydraulics_of
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_sim.true_values import hydraulics_of
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import Probe, load_trajectory
@@ -29,7 +29,7 @@ SILENT = 1.8  # s at the start of a live recording before the first command is l
 
 
 def recorded(
-    stand_in: StandIn | None = None,
+    simulated: SimulatedCrane | None = None,
     seed: int = 0,
     periods: int = 3,
     trajectory: str = "excitation_20s.yaml",
@@ -39,21 +39,21 @@ def recorded(
     probe: Probe | None = None,
 ) -> Log:
     """Periods of a packaged trajectory under the controller (36), the slew at rest or swinging."""
-    stand_in = stand_in or load_stand_in()
+    simulated = simulated or load_simulated_crane()
     motion = plan(
         MACHINE,
         load_trajectory(machine_file(trajectory)).model_copy(update={"probe": probe}),
-        stand_in.start,
+        simulated.start,
         periods,
         load_clearance(machine_file("clearance.yaml")),
     )
     course = Slewing(motion, SLEW_SPEED, SLEW_FREQUENCY) if slewed else motion
     plant = (
-        LatePlant(stand_in, MACHINE, motion.start, planted, seed=seed)
+        LatePlant(simulated, MACHINE, motion.start, planted, seed=seed)
         if live
-        else Plant(stand_in, MACHINE, motion.start, planted)
+        else Plant(simulated, MACHINE, motion.start, planted)
     )
-    sensors = Sensors(stand_in.sensors, MACHINE, seed)
+    sensors = Sensors(simulated.sensors, MACHINE, seed)
     gains = load_gains(machine_file("controller.yaml"), MACHINE)
     return log_of(record(course, plant, sensors, gains), live)
 
@@ -85,10 +85,10 @@ def log_of(recording: SimulatedRecording, live: bool = False) -> Log:
 
 def play(joint: str, width: float) -> Planted:
     """Hysteresis of a valve: its edges trail the spool."""
-    form = next(one for one in FORMS["valve_hysteresis"] if one.name == "trailing_edges")
+    form = next(form for form in FORMS["valve_hysteresis"] if form.name == "trailing_edges")
     return Planted(form, joint, (width,))
 
 
-def truth(stand_in: StandIn, joint: str, width: float = 0.0) -> dict[str, float]:
+def truth(simulated: SimulatedCrane, joint: str, width: float = 0.0) -> dict[str, float]:
     """By name what is to be identified of a joint, whose valve has a play of a width."""
-    return hydraulics_of(stand_in, MACHINE, joint) | {"hysteresis": width}
+    return hydraulics_of(simulated, MACHINE, joint) | {"hysteresis": width}

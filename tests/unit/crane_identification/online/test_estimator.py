@@ -133,13 +133,13 @@ def test_the_interleaving_of_the_streams_does_not_matter() -> None:
 def test_predicted_forces_follow_the_measured_ones(
     learned: tuple[OnlineEstimator, list[Forces]],
 ) -> None:
-    late = [one for one in learned[1] if one.stamp > START + 30e9]
+    late = [row for row in learned[1] if row.stamp > START + 30e9]
     measured, predicted = (np.array([getattr(f, n) for f in late]) for n in Forces._fields[1:3])
     used = np.array([f.used for f in late])
     error = np.where(used, predicted - measured, 0.0)
     assert (np.linalg.norm(error, axis=0) < 0.02 * np.linalg.norm(measured, axis=0)).all()
-    early = [one for one in learned[1] if one.stamp < START + STANDS * 1e9]
-    assert early and np.isnan([one.predicted for one in early]).all()
+    early = [row for row in learned[1] if row.stamp < START + STANDS * 1e9]
+    assert early and np.isnan([row.predicted for row in early]).all()
 
 
 def test_nothing_is_learned_at_standstill(log: Log) -> None:

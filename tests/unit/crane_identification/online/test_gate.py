@@ -3,13 +3,13 @@
 import numpy as np
 
 from crane_identification.online.estimator import Gate
-from crane_identification.online.smoother import Smoothed
-from crane_identification.signals.gate import SIGMAS
+from crane_identification.online.streams import Smoothed
+from crane_identification.preparation.run import STANDSTILL_SIGMAS
 
 STEP = 10_000_000  # ns
 HALF = 20  # instants on either side of a row
 NOISE, GAIN = 1e-3, 2.0
-RESOLUTION = SIGMAS * NOISE * GAIN
+RESOLUTION = STANDSTILL_SIGMAS * NOISE * GAIN
 
 
 def decided(velocity: np.ndarray, run: np.ndarray | None = None) -> dict[int, bool]:

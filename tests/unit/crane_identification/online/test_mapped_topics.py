@@ -42,8 +42,11 @@ def test_the_same_forces_as_from_the_topics_of_the_suite() -> None:
     assert log.pressure_a is not None
     assert log.pressure_b is not None
     usual, mapped = OnlineEstimator(crane()), OnlineEstimator(crane())
-    listeners = {one.topic: one for one in mapped_listeners(mapped, column_map(), "map.yaml")}
-    assert {one.msgtype for one in listeners.values()} == {
+    listeners = {
+        mapped_listener.topic: mapped_listener
+        for mapped_listener in mapped_listeners(mapped, column_map(), "map.yaml")
+    }
+    assert {listener.msgtype for listener in listeners.values()} == {
         JointState, Float64MultiArray, FluidPressure
     }  # fmt: skip
     events = [(time, "q", row) for row, time in enumerate(log.position.time)]
@@ -98,7 +101,7 @@ def test_what_a_message_lacks_is_said(
     topic: str, message: JointState | Float64MultiArray, reason: str
 ) -> None:
     listeners = mapped_listeners(OnlineEstimator(crane()), column_map(), "map.yaml")
-    (listener,) = (one for one in listeners if one.topic == topic)
+    (listener,) = (listener for listener in listeners if listener.topic == topic)
     with pytest.raises(CraneError, match=f"{topic}: {reason}.*; correct the column map"):
         listener.take(message, 0)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crane_identification.online.matching import CAPACITY, Matched, Matcher
+from crane_identification.online.streams import CAPACITY, Matched, Matcher
 
 GAP = 25_000_000
 STEP = 5_000_000

@@ -9,7 +9,13 @@ from unit.crane_identification.recording_check.recorded import recorded
 from crane_bags.clocks import TimeBack
 from crane_identification.data.log import Log
 from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
-from crane_identification.online.recent import EVERY, LEAST, WINDOW, Recent, Watched
+from crane_identification.online.recent import (
+    CHECK_PERIOD_S,
+    CHECK_WINDOW_S,
+    LEAST_WINDOW_S,
+    Recent,
+    Watched,
+)
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
@@ -35,10 +41,10 @@ def feed(recent: Recent | Watched, log: Log, start: float = 0.0, end: float = np
 def test_good_signals_are_not_suspected(good: Log) -> None:
     recent = Recent(load_machine(), PLANAR_JOINTS)
     recent.check()
-    feed(recent, good, end=0.9 * LEAST)
+    feed(recent, good, end=0.9 * LEAST_WINDOW_S)
     recent.check()
     assert recent.found is None
-    feed(recent, good, start=0.9 * LEAST)
+    feed(recent, good, start=0.9 * LEAST_WINDOW_S)
     recent.check()
     assert recent.found is not None
     assert not recent.found.suspicions and not recent.found.unchecked
@@ -85,12 +91,12 @@ def test_only_the_last_seconds_are_looked_at_and_not_too_often(good: Log) -> Non
     recent.add_position(100 * 10**9, np.zeros(3))
     recent.check()
     assert recent.found is first
-    for second in range(100, 100 + round(EVERY)):
+    for second in range(100, 100 + round(CHECK_PERIOD_S)):
         recent.add_position(second * 10**9, np.zeros(3))
         recent.add_pressure(second * 10**9, np.zeros(3), np.zeros(3))
     recent.check()
     assert recent.found is not first
-    assert len(recent._log().position.time) <= WINDOW + 1
+    assert len(recent._log().position.time) <= CHECK_WINDOW_S + 1
     recent.add_position(0, np.zeros(3))  # the clock was set back
     recent.add_pressure(0, np.zeros(3), np.zeros(3))
     assert len(recent._log().position.time) == 1

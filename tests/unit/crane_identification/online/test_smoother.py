@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 
-from crane_identification.online.smoother import FixedLagSmoother, Smoothed
+from crane_identification.online.streams import FixedLagSmoother, Smoothed
 
 LAG, PERIOD, GAP = 0.2, 0.05, 0.025
 START = 1_700_000_000_000_000_000
@@ -23,8 +23,8 @@ def stamps(seconds: float, jitter: float = 1e-4, rate: float = 200.0) -> np.ndar
 def smoothed(times: np.ndarray, values: np.ndarray, carried: np.ndarray) -> list[Smoothed]:
     smoother = FixedLagSmoother(values.shape[1], LAG, PERIOD, GAP)
     out = []
-    for stamp, value, other in zip(times.tolist(), values, carried, strict=True):
-        out += smoother.add(stamp, value, other)
+    for stamp, value, carried_value in zip(times.tolist(), values, carried, strict=True):
+        out += smoother.add(stamp, value, carried_value)
     return out
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from crane_identification.online.estimator import Row, Window
-from crane_identification.online.smoother import Smoothed
+from crane_identification.online.streams import Smoothed
 
 STEP, HALF, EVERY = 10_000_000, 8, 4
 START = 1_700_000_000_000_000_000
@@ -13,7 +13,7 @@ NOTHING = np.zeros(1)
 
 def sides(instants: list[Smoothed]) -> np.ndarray:
     """A column that is quadratic in the velocity, and twice that as force."""
-    columns = np.array([one.velocity**2 for one in instants])[:, :, np.newaxis]
+    columns = np.array([instant.velocity**2 for instant in instants])[:, :, np.newaxis]
     return np.concatenate([columns, 2.0 * columns], axis=2)
 
 

@@ -1,4 +1,4 @@
-"""A recording of the stand-in machine as a log, without a bag."""
+"""A recording of the simulated crane as a log, without a bag."""
 
 from collections.abc import Sequence
 
@@ -8,14 +8,14 @@ from laboratory_crane import JOINTS, PLANAR_JOINTS
 from crane_identification.data.log import Log, Signal
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
+from crane_sim.calibration import slewing
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
-from crane_sim.hiding.calibrate import slewing
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 from crane_sim.plant.closed_loop import Course, SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
@@ -30,12 +30,12 @@ def packaged_motion(
 
 
 def seen(
-    stand_in: StandIn, course: Course, seed: int = 0, planted: Sequence[Planted] = ()
+    simulated: SimulatedCrane, course: Course, seed: int = 0, planted: Sequence[Planted] = ()
 ) -> SimulatedRecording:
     """What the sensors of a machine show on a motion."""
     machine = load_machine()
-    plant = Plant(stand_in, machine, course.start, planted)
-    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine))
+    plant = Plant(simulated, machine, course.start, planted)
+    sensors = Sensors(simulated.sensors, machine, seed, faults(planted, machine))
     return record(
         slewing(course, planted),
         plant,
@@ -45,15 +45,15 @@ def seen(
 
 
 def recorded(
-    stand_in: StandIn | None = None,
+    simulated: SimulatedCrane | None = None,
     course: Course | None = None,
     seed: int = 0,
     planted: Sequence[Planted] = (),
 ) -> Log:
     """The same as a log; by default of the packaged machine and motion."""
-    stand_in = stand_in or load_stand_in()
-    course = course or packaged_motion(load_machine(), stand_in.start)
-    found = seen(stand_in, course, seed, planted)
+    simulated = simulated or load_simulated_crane()
+    course = course or packaged_motion(load_machine(), simulated.start)
+    found = seen(simulated, course, seed, planted)
     of_joint = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
     of_cylinder = [found.cylinders.index(joint) for joint in PLANAR_JOINTS]
 

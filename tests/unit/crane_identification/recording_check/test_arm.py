@@ -38,7 +38,7 @@ def good(model: Model) -> Log:
     acceleration = (-SWING * frequency**2 * np.sin(wave)).mean(axis=1)
     record = Record(model.joints, time, position, velocity, acceleration)
     theta = np.array([0.1 + 0.2 * rng.uniform() for _ in model.parameters])
-    bodies = next(one for one in model.terms if one.type == "serial_rigid_body")
+    bodies = next(term for term in model.terms if term.type == "serial_rigid_body")
     combined = bodies.of_bodies(model.setting)
     assert combined is not None
     mass, arm = 12.0, np.array([0.1, 0.05, 0.15])

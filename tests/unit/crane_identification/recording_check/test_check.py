@@ -159,8 +159,8 @@ def spoilt() -> list:
 def test_twenty_samples_a_second_are_doubtful_and_no_more(machine: Machine, good: Log) -> None:
     """As the bus of an excavator sends them."""
     found = check(machine, thinned(good, ("position",), 10))
-    assert any("too slow" in one.cause for one in found.suspicions)
-    assert not found.decisive, [str(one) for one in found.decisive]
+    assert any("too slow" in suspicion.cause for suspicion in found.suspicions)
+    assert not found.decisive, [str(suspicion) for suspicion in found.decisive]
 
 
 @pytest.mark.parametrize(("spoil", "where", "cause"), spoilt())
@@ -168,8 +168,12 @@ def test_what_was_spoilt_is_named(
     machine: Machine, good: Log, spoil: Callable[[Log], Log], where: str, cause: str
 ) -> None:
     found = check(machine, spoil(good))
-    named = [one for one in found.decisive if where in one.where and cause in str(one)]
-    assert named, [str(one) for one in found.suspicions]
+    named = [
+        suspicion
+        for suspicion in found.decisive
+        if where in suspicion.where and cause in str(suspicion)
+    ]
+    assert named, [str(suspicion) for suspicion in found.suspicions]
 
 
 def test_what_makes_results_wrong_is_refused_unless_trusted(machine: Machine, good: Log) -> None:
@@ -251,8 +255,12 @@ def test_what_spoils_little_is_a_warning(
     machine: Machine, good: Log, spoil: Callable[[Log], Log], where: str, cause: str
 ) -> None:
     found = check(machine, spoil(good))
-    named = [one for one in found.suspicions if where in one.where and cause in str(one)]
-    assert named and not found.decisive, [str(one) for one in found.suspicions]
+    named = [
+        suspicion
+        for suspicion in found.suspicions
+        if where in suspicion.where and cause in str(suspicion)
+    ]
+    assert named and not found.decisive, [str(suspicion) for suspicion in found.suspicions]
 
 
 @pytest.mark.parametrize(
@@ -296,7 +304,8 @@ def test_coarse_transducers_are_called_coarse(machine: Machine, good: Log, step:
 def test_a_coarse_transducer_may_be_stuck_as_well(machine: Machine, good: Log, j: int) -> None:
     log = each(coarse(0.1e6)(good), ("pressure_a",), column(j, stuck))
     assert any(
-        JOINTS[j] in one.where and "stuck" in one.cause for one in check(machine, log).decisive
+        JOINTS[j] in suspicion.where and "stuck" in suspicion.cause
+        for suspicion in check(machine, log).decisive
     )
 
 
@@ -315,16 +324,18 @@ def test_a_gap_is_doubtful_and_has_a_place(
 ) -> None:
     found = check(machine, lost(good, 7.001, 9.5, names))
     assert found.verdict is RecordingVerdict.DOUBTFUL
-    (gap,) = (one for one in found.suspicions if "missing" in one.cause)
+    (gap,) = (suspicion for suspicion in found.suspicions if "missing" in suspicion.cause)
     assert gap.where == getattr(good, names[0]).origin
     assert gap.evidence.startswith("nothing for 2.5") and gap.evidence.endswith("from 7 s on")
 
 
 def test_recordings_without_a_common_time_are_wrong(machine: Machine, good: Log) -> None:
     apart = lost(lost(good, 10.0, np.inf, CHAMBERS), 0.0, 10.0, ("position",))
-    assert any("never recorded together" in one.cause for one in check(machine, apart).decisive)
+    assert any(
+        "never recorded together" in suspicion.cause for suspicion in check(machine, apart).decisive
+    )
     late = lost(good, 0.0, 8.0, CHAMBERS)
-    assert any("only a part" in one.cause for one in check(machine, late).suspicions)
+    assert any("only a part" in suspicion.cause for suspicion in check(machine, late).suspicions)
 
 
 def test_too_few_samples_are_wrong(machine: Machine, good: Log) -> None:
@@ -343,7 +354,7 @@ def test_an_encoder_that_is_frozen_from_the_first_sample(machine: Machine, good:
     assert found.where == "outer boom" and "valve command" in found.evidence
     silent = check(machine, replace(frozen, command=None))
     assert silent.verdict is RecordingVerdict.DOUBTFUL
-    assert any("stood still, or" in one.cause for one in silent.suspicions)
+    assert any("stood still, or" in suspicion.cause for suspicion in silent.suspicions)
 
 
 def test_time_that_went_back_is_wrong_from_a_share_on(machine: Machine, good: Log) -> None:

@@ -12,28 +12,28 @@ from crane_identification.recording_check.check import check
 from crane_identification.recording_check.forces import crane
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.hiding.calibrate import calibrate
-from crane_sim.hiding.label import HiddenEffect, Spec
-from crane_sim.parts.parameters import StandIn, load_stand_in, vary
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_sim.calibration import calibrate
+from crane_sim.ground_truth import InjectedEffect, Spec
+from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane, vary
+from crane_trajectory.control.controller import load_gains
 
-DYNAMIC = machine_file("stand_in_dynamic_friction.yaml")
+DYNAMIC = machine_file("simulated_crane_dynamic_friction.yaml")
 
 
 @pytest.mark.parametrize(
-    ("stand_in", "trajectory"),
+    ("simulated", "trajectory"),
     [
-        (vary(load_stand_in(), 1), "excitation_20s.yaml"),
-        (vary(load_stand_in(), 2), "validation_20s.yaml"),
-        (load_stand_in(DYNAMIC), "validation_20s.yaml"),
-        (vary(load_stand_in(DYNAMIC), 3), "excitation_20s.yaml"),
+        (vary(load_simulated_crane(), 1), "excitation_20s.yaml"),
+        (vary(load_simulated_crane(), 2), "validation_20s.yaml"),
+        (load_simulated_crane(DYNAMIC), "validation_20s.yaml"),
+        (vary(load_simulated_crane(DYNAMIC), 3), "excitation_20s.yaml"),
     ],
 )
-def test_clean_machines_are_not_suspected(stand_in: StandIn, trajectory: str) -> None:
+def test_clean_machines_are_not_suspected(simulated: SimulatedCrane, trajectory: str) -> None:
     machine = load_machine()
-    course = packaged_motion(machine, stand_in.start, trajectory)
-    seed = int(np.round(1e3 * stand_in.friction["telescope"].f_c))
-    found = check(machine, recorded(stand_in, course, seed))
+    course = packaged_motion(machine, simulated.start, trajectory)
+    seed = int(np.round(1e3 * simulated.friction["telescope"].f_c))
+    found = check(machine, recorded(simulated, course, seed))
     assert not found.suspicions and not found.unchecked
 
 
@@ -56,9 +56,11 @@ def test_positions_and_pressures_of_any_machine_are_looked_at() -> None:
         pressure_a=pressure,
         pressure_b=pressure,
     )
-    told = [str(one) for one in check(excavator, log).decisive]
-    assert any("stick" in one and "positions look like degrees" in one for one in told)
-    assert any("pressures of the bucket" in one and "look like bar" in one for one in told)
+    told = [str(suspicion) for suspicion in check(excavator, log).decisive]
+    assert any("stick" in warning and "positions look like degrees" in warning for warning in told)
+    assert any(
+        "pressures of the bucket" in warning and "look like bar" in warning for warning in told
+    )
 
 
 def test_a_crane_of_the_report_may_name_its_joints_otherwise() -> None:
@@ -68,24 +70,24 @@ def test_a_crane_of_the_report_may_name_its_joints_otherwise() -> None:
         joint["name"] = name
     model = crane(Machine.model_validate(content))
     assert model.joints == names[1:]
-    assert [one.name for one in model.parameters][-4:] == [
+    assert [parameter.name for parameter in model.parameters][-4:] == [
         f"{what}.extension" for what in ("f_c", "df_c", "f_v", "df_v")
     ]
 
 
 def with_effect(effect: str, joint: str | None, magnitude: dict[str, float]) -> Log:
     """A recording of a machine that hides it."""
-    machine, stand_in = load_machine(), load_stand_in()
-    course = packaged_motion(machine, stand_in.start)
-    hidden = HiddenEffect(effect=effect, joint=joint, parameters=magnitude)
+    machine, simulated = load_machine(), load_simulated_crane()
+    course = packaged_motion(machine, simulated.start)
+    hidden = InjectedEffect(effect=effect, joint=joint, parameters=magnitude)
     planted = calibrate(
         Spec(effects=(hidden,)),
         machine,
-        stand_in,
+        simulated,
         course,
         load_gains(machine_file("controller.yaml"), machine),
     )
-    return recorded(stand_in, course, 4, planted)
+    return recorded(simulated, course, 4, planted)
 
 
 @pytest.mark.parametrize(

@@ -52,9 +52,24 @@ def test_what_the_scale_weighed_is_left(weighed: float, there: bool) -> None:
 
 
 def test_joints_that_stand_tell_nothing() -> None:
-    one = np.array([1.0, 0.0, 0.0])
+    on_first = np.array([1.0, 0.0, 0.0])
     step = MASS * (TIME >= CHANGE)[:, np.newaxis]
-    assert likeness(Leftover(TIME, one * PULL * step, one * PULL)) == pytest.approx(1.0)
+    assert likeness(Leftover(TIME, on_first * PULL * step, on_first * PULL)) == pytest.approx(1.0)
     assert likeness(Leftover(TIME, 0.0 * PULL * step, 0.0 * PULL)) == 0.0
     before = TIME < CHANGE
     assert likeness(Leftover(TIME[before], PULL[before], PULL[before])) == 0.0
+
+
+@pytest.mark.parametrize("change", [1.7, CHANGE])
+def test_no_changes_explain_more_than_the_largest_share(change: float) -> None:
+    """Which decides whether a recording is weighed at all."""
+    rng = np.random.default_rng(5)
+    stays = np.where(change <= TIME, 1.0, -0.4)[:, np.newaxis]
+    noise = rng.normal(size=PULL.shape) * np.abs(PULL).max()
+    for left in (PULL * stays, PULL * stays + noise, noise):
+        leftover = Leftover(TIME, left, PULL)
+        most = leftover.largest_share()
+        assert leftover.load_share([change]) <= most + 1e-12
+        assert leftover.load_share([change, change + 3.0]) <= most + 1e-12
+    assert Leftover(TIME, PULL * stays, PULL).largest_share() == pytest.approx(1.0)
+    assert Leftover(TIME, noise, PULL).largest_share() < 0.5

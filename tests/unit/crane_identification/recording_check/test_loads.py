@@ -1,4 +1,4 @@
-"""Loads that come within a recording, against recordings of the stand-in machine that have them."""
+"""Loads that come within a recording, against recordings of the simulated crane that have them."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,17 +7,16 @@ import numpy as np
 import pytest
 from known_crane import known_model
 
-from crane_benchmark.observing.cycles import PAYLOAD
-from crane_benchmark.observing.machines import stock
-from crane_identification.data.bag_log import read_bag
+from crane_benchmark.observing.machines import PAYLOAD, stock
 from crane_identification.data.log import Log
+from crane_identification.data.recording_log import read_bag
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import Session
 from crane_identification.recording_check.loads import (
     APART,
     loads_in_words,
+    payload_parts,
     split_by_load,
-    weighed_parts,
 )
 from crane_model.errors import DataError
 from crane_model.machine_files import machine_file
@@ -66,14 +65,14 @@ def recorded(folder: Path, comes: float) -> Log:
     machine = stock()
     trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
     clearance = load_clearance(machine_file("clearance.yaml"))
-    motion = plan(machine.machine, trajectory, machine.stand_in.start, 4, clearance)
+    motion = plan(machine.machine, trajectory, machine.simulated.start, 4, clearance)
 
     def build(start: np.ndarray, planted: tuple, running: float) -> Lifting:
-        made = Lifting(machine.stand_in, machine.machine, start, [PAYLOAD, *planted], running)
+        made = Lifting(machine.simulated, machine.machine, start, [PAYLOAD, *planted], running)
         made.comes = comes
         return made
 
-    make(folder, machine.machine, machine.stand_in, motion, machine.gains, seed=5, build=build)
+    make(folder, machine.machine, machine.simulated, motion, machine.gains, seed=5, build=build)
     return read_bag(folder, known_model().joints)
 
 
@@ -91,7 +90,7 @@ def model() -> Model:
 
 
 def test_a_load_that_comes_is_weighed_on_both_sides(model: Model, logs: dict[str, Log]) -> None:
-    before, after = weighed_parts(model, logs["changing"], Options())
+    before, after = payload_parts(model, logs["changing"], Options())
     assert before.begin == -np.inf
     assert after.begin == pytest.approx(COMES, abs=0.5)
     assert before.mass == pytest.approx(0.0, abs=1.0)
@@ -100,7 +99,7 @@ def test_a_load_that_comes_is_weighed_on_both_sides(model: Model, logs: dict[str
 
 @pytest.mark.parametrize(("name", "mass"), [("empty", 0.0), ("loaded", MASS)])
 def test_one_load_is_one_part(name: str, mass: float, model: Model, logs: dict[str, Log]) -> None:
-    (part,) = weighed_parts(model, logs[name], Options())
+    (part,) = payload_parts(model, logs[name], Options())
     assert part.mass == pytest.approx(mass, abs=1.5)
     same, said = split_by_load(model, [logs[name]], Options())
     assert same == (logs[name],) and not said
@@ -111,8 +110,8 @@ def test_the_sides_of_a_change_are_recordings_of_their_own(
 ) -> None:
     log = logs["changing"]
     parts, (said,) = split_by_load(model, [log, logs["empty"]], Options(period=20.0))
-    first, second, other = parts
-    assert other is logs["empty"]
+    first, second, third = parts
+    assert third is logs["empty"]
     assert [first.source, second.source] == ["changing, part 1", "changing, part 2"]
     assert said.startswith("changing: the load at the tip changed at 5")
     assert first.position.time[-1] == pytest.approx(COMES - APART, abs=0.5)
@@ -138,7 +137,7 @@ def test_an_effect_that_follows_the_position_is_no_load(
     waves = replace(log, pressure_a=replace(chamber, value=shown))
     assert split_by_load(model, [waves], Options(period=20.0)) == ((waves,), ())
     by_weighings_alone(monkeypatch)
-    assert len(weighed_parts(model, waves, Options())) > 1
+    assert len(payload_parts(model, waves, Options())) > 1
 
 
 @pytest.mark.parametrize(("joint", "way", "pressure"), [(0, 0.1, 1e6), (1, 0.3, 4e5)])
@@ -152,13 +151,13 @@ def test_friction_by_the_way_since_a_reversal_is_no_load(
 ) -> None:
     """It weighs now more, now less, by a tenth; the one load that comes is still found."""
     rubs = {name: rubbing(log, joint, way, pressure) for name, log in logs.items()}
-    (part,) = weighed_parts(model, rubs["empty"], Options())
+    (part,) = payload_parts(model, rubs["empty"], Options())
     assert part.begin == -np.inf
-    before, after = weighed_parts(model, rubs["changing"], Options())
+    before, after = payload_parts(model, rubs["changing"], Options())
     assert after.begin == pytest.approx(COMES, abs=6.0)
     assert after.mass - before.mass == pytest.approx(MASS, rel=0.15)
     by_weighings_alone(monkeypatch)
-    assert len(weighed_parts(model, rubs["changing"], Options())) > 2
+    assert len(payload_parts(model, rubs["changing"], Options())) > 2
 
 
 def test_a_part_without_a_whole_period_is_left_out(model: Model, logs: dict[str, Log]) -> None:
@@ -182,6 +181,6 @@ def test_what_identify_warns_of(model: Model, logs: dict[str, Log]) -> None:
 
 def test_without_values_or_pressures_nothing_is_said(model: Model, logs: dict[str, Log]) -> None:
     log = logs["changing"]
-    assert weighed_parts(load_model(machine_file("model.yaml")), log, Options()) == ()
-    assert weighed_parts(model, replace(log, pressure_a=None), Options()) == ()
-    assert weighed_parts(model, replace(log, uncalibrated=("pressure",)), Options()) == ()
+    assert payload_parts(load_model(machine_file("model.yaml")), log, Options()) == ()
+    assert payload_parts(model, replace(log, pressure_a=None), Options()) == ()
+    assert payload_parts(model, replace(log, uncalibrated=("pressure",)), Options()) == ()

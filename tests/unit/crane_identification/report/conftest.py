@@ -34,5 +34,5 @@ def report(training: tuple[Log, ...], fitted: FitResult) -> IdentificationReport
         validations=validations,
         warnings=findings(fitted, [*training, *held_out], validations),
         provenance=Provenance.of("2012-06-01", ["identify", "--out", "a b"], "crane.yaml"),
-        planted=PLANTED,
+        true_values=PLANTED,
     )

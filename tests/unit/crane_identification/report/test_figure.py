@@ -3,7 +3,7 @@ import json
 import numpy as np
 import plotly.graph_objects as go
 
-from crane_identification.report.figure import MEASURED, SCATTER, Band, Curve, Figure, Panel
+from crane_identification.report.html import MEASURED, SCATTER, Band, Curve, Figure, Panel
 
 TIME = np.linspace(0.0, 10.0, 5000)
 

@@ -19,8 +19,8 @@ def with_estimate(report, **changes):
 
 
 def with_preparation(report, **changes):
-    first, *others = report.fit.preparations
-    return replace(report.fit, preparations=(replace(first, **changes), *others))
+    first, *rest = report.fit.preparations
+    return replace(report.fit, preparations=(replace(first, **changes), *rest))
 
 
 def test_a_good_fit_has_no_warnings(report):
@@ -88,10 +88,12 @@ def test_a_model_that_errs_more_on_recordings_that_it_has_not_seen(report):
     values[report.fit.estimate.names.index("f_c.telescope")] *= 1.3
     model = report.fit.model.with_estimate(values, report.fit.estimate.std_devs, "another machine")
     (warning,) = (
-        one for one in warnings_of(report, replace(report.fit, model=model)) if "carry over" in one
+        warning
+        for warning in warnings_of(report, replace(report.fit, model=model))
+        if "carry over" in warning
     )
     assert "on the telescope" in warning
-    assert not any("carry over" in one for one in warnings_of(report))
+    assert not any("carry over" in warning for warning in warnings_of(report))
 
 
 def test_a_model_that_was_not_validated(report):

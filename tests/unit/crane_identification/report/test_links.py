@@ -5,7 +5,7 @@ from urllib.parse import unquote
 
 import pytest
 
-from crane_identification.report.template import link, page_of
+from crane_identification.report.html import link, page_of
 
 
 @pytest.mark.parametrize("given", ["runs/train 1#2", "{here}/runs/train 1#2"])

@@ -71,8 +71,8 @@ def test_parameters_are_those_of_the_summary(report, tree):
         (value,), (std_dev,) = row.find("td", class_="value"), row.find("td", class_="sigma")
         assert abs(number(value.text) - parameter.value) <= 0.051 * parameter.std_dev
         assert number(std_dev.text) == pytest.approx(parameter.std_dev, rel=0.051)
-        (planted,) = row.find("td", class_="planted")
-        true = report.planted[parameter.name]
+        (planted,) = row.find("td", class_="true-value")
+        true = report.true_values[parameter.name]
         assert abs(number(planted.text) - true) <= 0.051 * parameter.std_dev
         assert row.find("circle", class_="dot")
 
@@ -156,13 +156,13 @@ def test_warnings_are_listed_or_their_absence_said(report, tree):
     assert [item.text for item in section(loud).find("li")] == ["one <b> & two", "three"]
 
 
-def test_without_planted_values_and_validation_nothing_is_left_open(report):
-    tree = read_html(page.render(replace(report, planted=None, validations=())))
-    assert not tree.find("td", class_="planted")
+def test_without_true_values_and_validation_nothing_is_left_open(report):
+    tree = read_html(page.render(replace(report, true_values=None, validations=())))
+    assert not tree.find("td", class_="true-value")
     assert not tree.find("table", class_="errors")
     assert not tree.find("section", id="validation")
     assert "has not been validated" in tree.find("p", id="verdict")[0].text
-    assert "planted" not in tree.find("section", id="parameters")[0].text
+    assert "true value" not in tree.find("section", id="parameters")[0].text
 
 
 def test_progress_counts_the_recordings(report):
@@ -171,18 +171,18 @@ def test_progress_counts_the_recordings(report):
     assert seen == [("report", 0.5), ("report", 1.0)]
 
 
-def test_hydraulics_stand_beside_what_was_planted(report: IdentificationReport) -> None:
+def test_hydraulics_stand_beside_true_values(report: IdentificationReport) -> None:
     """With as many digits as the estimate has; a dash where nothing was."""
     hydraulics = known_model().hydraulics
-    assert hydraulics is not None and report.planted is not None
-    (joint, one), *_ = hydraulics.joints.items()
+    assert hydraulics is not None and report.true_values is not None
+    (joint, values), *_ = hydraulics.joints.items()
     known = replace(report.fit, model=replace(report.fit.model, hydraulics=hydraulics))
-    planted = {**report.planted, f"lag.{joint}": 0.021}
-    tree = read_html(page.render(replace(report, fit=known, planted=planted)))
+    planted = {**report.true_values, f"lag.{joint}": 0.021}
+    tree = read_html(page.render(replace(report, fit=known, true_values=planted)))
     (table,) = tree.find("table", class_="hydraulics")
-    assert "planted" in [cell.text for cell in table.find("th")]
-    shown = [cell.text for cell in table.find("td", class_="planted")]
-    assert shown[list(one.values).index("lag")].startswith("0.021")
-    assert {text for n, text in enumerate(shown) if n != list(one.values).index("lag")} == {NONE}
-    without = read_html(page.render(replace(report, fit=known, planted=None)))
-    assert not without.find("table", class_="hydraulics")[0].find("td", class_="planted")
+    assert "true value" in [cell.text for cell in table.find("th")]
+    shown = [cell.text for cell in table.find("td", class_="true-value")]
+    assert shown[list(values.values).index("lag")].startswith("0.021")
+    assert {text for n, text in enumerate(shown) if n != list(values.values).index("lag")} == {NONE}
+    without = read_html(page.render(replace(report, fit=known, true_values=None)))
+    assert not without.find("table", class_="hydraulics")[0].find("td", class_="true-value")

@@ -6,8 +6,8 @@ from unit.crane_identification.report.synthetic_crane import RATE, crane_model
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.report.content import left_out, recorded
-from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.kalman import KalmanSmoother
+from crane_identification.signals.routes import ButterworthDifferentiator
 from crane_model.cylinders import generalized_forces
 
 BANDWIDTH = np.full(3, 3.0)

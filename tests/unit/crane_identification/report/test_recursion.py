@@ -9,8 +9,8 @@ from unit.crane_identification.report.html_reader import figure_descriptions, nu
 from crane_identification.online.replay import Recursive
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport
-from crane_identification.report.recursion import (
-    SETTLED,
+from crane_identification.report.figures import (
+    SETTLED_TIME_SHARE,
     recursive_errors,
     recursive_groups,
     settling_figures,
@@ -24,7 +24,7 @@ def settled(report: IdentificationReport) -> IdentificationReport:
     """Wild at first, then within half a standard deviation of the fit."""
     estimate = report.fit.estimate
     time = np.arange(1.0, MOMENTS + 1)
-    decay = np.where(time < SETTLED * MOMENTS, 1e6, 0.5)[:, np.newaxis]
+    decay = np.where(time < SETTLED_TIME_SHARE * MOMENTS, 1e6, 0.5)[:, np.newaxis]
     values = estimate.values + decay * estimate.std_devs
     std_devs = np.tile(estimate.std_devs, (MOMENTS, 1))
     values[0], std_devs[0] = np.nan, np.inf
@@ -50,8 +50,8 @@ def test_rows_hold_both_estimates_and_how_far_they_are_apart(settled):
 
 
 def test_errors_are_those_of_its_own_model_on_the_validation_recordings(settled):
-    own, fitted = settled.recursive_held_out, settled.held_out
-    assert (own.relative != fitted.relative).all()
+    recursive, fitted = settled.recursive_held_out, settled.held_out
+    assert (recursive.relative != fitted.relative).all()
     exact = replace(settled, recursive=replace(settled.recursive, model=settled.fit.model))
     np.testing.assert_allclose(exact.recursive_held_out.relative, fitted.relative, rtol=1e-12)
 
@@ -64,10 +64,15 @@ def test_a_panel_shows_what_has_settled_with_fit_and_planted_value(settled):
         panels, names, estimate.values, estimate.std_devs, strict=True
     ):
         low, high = panel.span
-        assert low < min(value, settled.planted[name]) <= max(value, settled.planted[name]) < high
-        off = abs(value - settled.planted[name])
+        assert (
+            low
+            < min(value, settled.true_values[name])
+            <= max(value, settled.true_values[name])
+            < high
+        )
+        off = abs(value - settled.true_values[name])
         assert high - low < 1.2 * (off + 5 * std_dev)  # not of the wild beginning
-        assert {curve.name for curve in panel.curves} == {"recursion", "fit", "planted"}
+        assert {curve.name for curve in panel.curves} == {"recursion", "fit", "true value"}
 
 
 def test_the_page_draws_it(settled):

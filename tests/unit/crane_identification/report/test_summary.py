@@ -6,7 +6,7 @@ import pytest
 from unit.crane_identification.report.synthetic_crane import PRESSURE_NOISE
 
 from crane_identification.report import summary
-from crane_identification.signals.decimate import PASS_BAND
+from crane_identification.signals.decimate import PASS_BAND_SHARE
 
 
 def test_summary_survives_json(report, tmp_path):
@@ -54,7 +54,7 @@ def test_noise_floor_is_the_noise_of_the_pressures(report):
     cylinder = report.fit.model.machine.cylinders["telescope"]
     force_noise = PRESSURE_NOISE * np.hypot(cylinder.area_a, cylinder.area_b)
     periods = report.validations[0].preparation.averaging.used
-    expected = force_noise / np.sqrt(periods) * np.sqrt(PASS_BAND / report.fit.decimation)
+    expected = force_noise / np.sqrt(periods) * np.sqrt(PASS_BAND_SHARE / report.fit.decimation)
     force = np.concatenate([v.measured[:, 2] for v in report.validations])
     floor = summary.summarize(report).noise_floor["telescope"] * np.sqrt(np.mean(force**2))
     assert floor == pytest.approx(expected, rel=0.25)

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from crane_identification.report.figure import thin
+from crane_identification.report.html import thin
 
 CURVES = arrays(float, st.integers(2, 400), elements=st.floats(-1e6, 1e6) | st.just(float("nan")))
 
@@ -15,9 +15,9 @@ def test_every_column_of_pixels_keeps_its_extremes(values, points):
     assert (np.diff(kept) > 0).all()
     bins = (points - 2) // 2
     column = np.minimum((bins * time / time[-1]).astype(int), bins - 1)
-    for one in np.unique(column[np.isfinite(values)]):
-        everything = values[(column == one) & np.isfinite(values)]
-        drawn = values[kept[column[kept] == one]]
+    for value in np.unique(column[np.isfinite(values)]):
+        everything = values[(column == value) & np.isfinite(values)]
+        drawn = values[kept[column[kept] == value]]
         assert np.nanmin(drawn) == everything.min()
         assert np.nanmax(drawn) == everything.max()
 

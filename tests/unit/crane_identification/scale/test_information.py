@@ -9,7 +9,7 @@ from unit.crane_identification.online.online_crane import crane, motion
 
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.regression import Rows, balancing, solve_weighted
-from crane_identification.scale.information import BLOCK, Information
+from crane_identification.scale.summed import BLOCK_SAMPLES, Information
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
@@ -58,7 +58,7 @@ def test_estimate_is_that_of_the_rows() -> None:
 
 def test_records_are_the_rows_of_their_samples() -> None:
     """Over more than one block, whole records and parts."""
-    record = measured(BLOCK + 700)
+    record = measured(BLOCK_SAMPLES + 700)
     found = Information.of_records(crane(), [record])
     expected = Information.of(rows_of(crane(), record))
     np.testing.assert_allclose(found.matrix, expected.matrix, rtol=1e-9, atol=1e-6)
@@ -87,7 +87,7 @@ def test_memory_does_not_grow_with_the_samples() -> None:
     def peak(records: int) -> int:
         def stream() -> Iterator[Record]:
             for _ in range(records):
-                yield measured(2 * BLOCK)
+                yield measured(2 * BLOCK_SAMPLES)
 
         tracemalloc.start()
         Information.of_records(crane(), stream())
@@ -101,10 +101,12 @@ def test_memory_does_not_grow_with_the_samples() -> None:
 
 def test_what_does_not_belong_together_is_refused() -> None:
     record = measured(100)
-    other = Information.of_records(crane(), [record])
-    renamed = Information(other.joints, other.names[::-1], other.units, other.matrix, other.rows)
+    of_crane = Information.of_records(crane(), [record])
+    renamed = Information(
+        of_crane.joints, of_crane.names[::-1], of_crane.units, of_crane.matrix, of_crane.rows
+    )
     with pytest.raises(DataError, match="different models"):
-        other + renamed
+        of_crane + renamed
     without = Record(record.joints, record.time, *motion(record.time))
     with pytest.raises(DataError, match="no measured force"):
         Information.of_records(crane(), [without])

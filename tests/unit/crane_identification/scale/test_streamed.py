@@ -53,7 +53,9 @@ def test_the_same_estimate_as_of_all_rows(tables: list[Path], tmp_path: Path) ->
     )
     told: list[float] = []
     found = fit_streamed(model, tables, OPTIONS, lambda _, done: told.append(done), columns)
-    expected = fit(model, [read_recording(one, model.joints, columns) for one in tables], OPTIONS)
+    expected = fit(
+        model, [read_recording(table, model.joints, columns) for table in tables], OPTIONS
+    )
     np.testing.assert_allclose(found.model.theta, expected.estimate.values, rtol=1e-9)
     assert found.information.rows.sum() == expected.estimate.samples
     assert found.model.std_devs is not None
@@ -73,4 +75,4 @@ def test_command(tables: list[Path], tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "from the information of 1 recordings" in load_model(out / "model.yaml").provenance
     np.testing.assert_allclose(load_model(out / "model.yaml").theta, AXIS_THETA, rtol=0.1)
     assert json.loads((out / "summary.json").read_text())["heldout_relative_error"]["axis"] < 0.1
-    assert sorted(one.name for one in out.iterdir()) == ["model.yaml", "summary.json"]
+    assert sorted(path.name for path in out.iterdir()) == ["model.yaml", "summary.json"]

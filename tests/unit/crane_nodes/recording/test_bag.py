@@ -165,6 +165,8 @@ def small_disk() -> Iterator[None]:
 
 
 def test_disk_that_is_full_is_named(small_disk: None, record: Recorder, tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="/bag: cannot write: File too large; make room, then mend"):
+    with pytest.raises(
+        DataError, match="/bag: cannot write: File too large; make room, then repair"
+    ):
         record(5000)
     assert not (tmp_path / "bag" / "metadata.yaml").exists()

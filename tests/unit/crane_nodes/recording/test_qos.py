@@ -10,7 +10,7 @@ from rclpy.qos import (
     qos_check_compatible,
 )
 
-from crane_nodes.recording.ros import DEPTH, offer, offered, profile, request
+from crane_nodes.recording.ros import WAITING_MESSAGES, offer, offered, profile, request
 
 PROFILES = [
     QoSProfile(depth=depth, reliability=reliability, durability=durability)
@@ -57,5 +57,5 @@ def test_depth_is_not_discovered() -> None:
     """Recordings state a depth of 0: each publisher of a latched topic then kept one."""
     unknown = [offered(PROFILES[1])._replace(depth=0)] * 3
     assert offer(unknown).depth == 3
-    assert offer([offered(PROFILES[0])]).depth == DEPTH
-    assert offer([]).depth == DEPTH
+    assert offer([offered(PROFILES[0])]).depth == WAITING_MESSAGES
+    assert offer([]).depth == WAITING_MESSAGES

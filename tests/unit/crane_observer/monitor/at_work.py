@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from crane_model.hydraulics.values import (
+from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
     JointHydraulics,
@@ -17,7 +17,7 @@ from crane_model.machine import load_machine
 from crane_model.model_file import Model
 from crane_observer.monitor.replay import SensorWatch
 from crane_observer.monitor.tolerance import Tolerance
-from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.parameters import SimulatedCrane
 
 ONSET = 14.0  # s, when all joints move
 REFINED = 2.2  # s after which kind and size of a finding have been looked at again
@@ -49,7 +49,7 @@ class Heard:
         return watched
 
 
-def as_built(stand_in: StandIn) -> HydraulicValues:
+def as_built(simulated: SimulatedCrane) -> HydraulicValues:
     """What an identification would find of it, to the digit."""
 
     def values(schema: type, numbers: dict[str, float]) -> object:
@@ -57,8 +57,8 @@ def as_built(stand_in: StandIn) -> HydraulicValues:
         return schema(**{k: Measured(value=v, unit=units[k]) for k, v in numbers.items()})
 
     joints = {}
-    for joint, valve in stand_in.valves.items():
-        inside = stand_in.cylinders[joint]
+    for joint, valve in simulated.valves.items():
+        inside = simulated.cylinders[joint]
         gain = valve.rated_flow / np.sqrt(valve.rated_drop)
         frequency = 2.0 * np.pi * valve.natural_frequency
         edges = dict.fromkeys(("supply_a", "a_tank", "supply_b", "b_tank"), gain)
@@ -68,12 +68,12 @@ def as_built(stand_in: StandIn) -> HydraulicValues:
             "damping_ratio": valve.damping_ratio, **edges,
         })  # fmt: skip
         chambers = values(ChamberValues, {
-            "bulk_modulus": stand_in.oil.bulk_modulus, "leakage": inside.leakage,
+            "bulk_modulus": simulated.oil.bulk_modulus, "leakage": inside.leakage,
             "dead_volume_a": inside.dead_volume_a, "dead_volume_b": inside.dead_volume_b,
         })  # fmt: skip
         joints[joint] = JointHydraulics(valve=spool, chambers=chambers, unexplained=0.0)
     machine = load_machine().hydraulics
-    droop = stand_in.supply.pump_droop / machine.pump_flow
+    droop = simulated.supply.pump_droop / machine.pump_flow
     supply = values(SupplyValues, {"pressure": machine.supply_pressure, "droop": droop})
     return HydraulicValues(provenance="as built", joints=joints, supply=supply)
 

@@ -8,14 +8,20 @@ from unit.crane_observer.monitor.at_work import Heard, as_built
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
-from crane_observer.monitor.history import of_block, summed
 from crane_observer.monitor.replay import SensorWatch
-from crane_observer.monitor.tolerance import NAMES, JointTolerance, Tolerance, learn
-from crane_sim.parts.parameters import load_stand_in
+from crane_observer.monitor.tolerance import (
+    TOLERANCE_FIELDS,
+    JointTolerance,
+    Tolerance,
+    learn,
+    of_block,
+    summed,
+)
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.pd_dead_zone import load_gains
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
@@ -23,9 +29,9 @@ from crane_trajectory.motion.periodic import load_trajectory
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    stand_in, machine = load_stand_in(), load_machine()
+    simulated, machine = load_simulated_crane(), load_machine()
     bare = load_model(machine_file("model.yaml"))
-    known = as_built(stand_in)
+    known = as_built(simulated)
     joints = {joint: known.joints[joint] for joint in bare.joints}
     assert bare.machine is not None and bare.machine.name == machine.name
     return replace(bare, hydraulics=known.model_copy(update={"joints": joints}))
@@ -34,27 +40,27 @@ def model() -> Model:
 @pytest.fixture(scope="module")
 def days(model: Model) -> tuple[Heard, Heard]:
     """Half a minute of work, as the same sensors show it on two days: noise alone differs."""
-    machine, stand_in = load_machine(), load_stand_in()
+    machine, simulated = load_machine(), load_simulated_crane()
     motion = plan(
         machine,
         load_trajectory(machine_file("excitation_20s.yaml")),
-        stand_in.start,
+        simulated.start,
         1,
         load_clearance(machine_file("clearance.yaml")),
     )
     gains = load_gains(machine_file("controller.yaml"), machine)
-    sensors = Sensors(stand_in.sensors, machine, 3)
-    seen = record(motion, Plant(stand_in, machine, motion.start), sensors, gains)
-    own, true = [machine.index(joint) for joint in model.joints], seen.truth
+    sensors = Sensors(simulated.sensors, machine, 3)
+    seen = record(motion, Plant(simulated, machine, motion.start), sensors, gains)
+    columns, true = [machine.index(joint) for joint in model.joints], seen.truth
     tank = machine.hydraulics.tank_pressure
     supply = seen.pressures.supply
-    again = Sensors(stand_in.sensors, machine, 4).pressures(
+    again = Sensors(simulated.sensors, machine, 4).pressures(
         true.pressure_a, true.pressure_b, supply, tank
     )
     first, second = (
-        Heard(seen.time, seen.position[:, own], one.chamber_a, one.chamber_b, supply,
-              seen.command[:, own])
-        for one in (seen.pressures, again)
+        Heard(seen.time, seen.position[:, columns], shown.chamber_a, shown.chamber_b, supply,
+              seen.command[:, columns])
+        for shown in (seen.pressures, again)
     )  # fmt: skip
     return first, second
 
@@ -69,7 +75,7 @@ def tolerance(model: Model, days: tuple[Heard, Heard]) -> Tolerance:
     watched = SensorWatch(model)
     taken = [watched.monitor.take_block() for _ in days[0].into(watched)]
     blocks = [block for block in taken if block is not None]
-    sums = summed([one.time for one in blocks], [of_block(one) for one in blocks])
+    sums = summed([block.time for block in blocks], [of_block(block) for block in blocks])
     return learn(model.joints, [sums] * 2, "the day before")
 
 
@@ -77,7 +83,7 @@ def tolerance(model: Model, days: tuple[Heard, Heard]) -> Tolerance:
 def untrimmed(tolerance: Tolerance) -> Tolerance:
     """Nothing is taken off: half a minute tells nothing of leaks, and the model is as built."""
     joints = {
-        joint: JointTolerance(**{name: getattr(one, name) for name in NAMES})
-        for joint, one in tolerance.joints.items()
+        joint: JointTolerance(**{name: getattr(joint_tolerance, name) for name in TOLERANCE_FIELDS})
+        for joint, joint_tolerance in tolerance.joints.items()
     }
     return tolerance.model_copy(update={"joints": joints})

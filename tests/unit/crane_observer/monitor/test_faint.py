@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import brentq
 from unit.crane_observer.monitor.at_work import Heard
 
+from crane_model.hydraulics.simulation import circuit_of
 from crane_model.hydraulics.stepping import chamber_flows, roots
 from crane_model.model_file import Model
-from crane_model.whole_crane import circuit_of
 from crane_observer.monitor.blocks import error_of_drop
-from crane_observer.monitor.signatures import Part
+from crane_observer.monitor.finding import Part
 from crane_observer.monitor.tolerance import Tolerance
 
 TELESCOPE = 2  # of the joints of the model
@@ -44,8 +44,8 @@ def at_work(model: Model, part: Part, drop: float) -> Heard:
         return a[TELESCOPE], b[TELESCOPE]
 
     drained = brentq(lambda p: np.subtract(*speeds(p)), circuit.tank_pressure, 1.7e7)
-    v, other = speeds(drained)
-    assert v == pytest.approx(other)
+    v, drained_speeds = speeds(drained)
+    assert v == pytest.approx(drained_speeds)
     count, rng = round(SECONDS / PERIOD), np.random.default_rng(5)
     time = PERIOD * np.arange(count)
     p_a, p_b = ELSEWHERE + NOISE * rng.standard_normal((2, count, 3))

@@ -7,11 +7,10 @@ import pytest
 from unit.crane_observer.monitor.at_work import ONSET, Heard, changed
 
 from crane_model.model_file import Model
-from crane_observer.monitor.finding import RivalEncoder, SensorFinding
+from crane_observer.monitor.finding import SUPPLY, Part, RivalEncoder, SensorFinding, Wrong
 from crane_observer.monitor.isolation import CLEARLY, DOUBTED, EXPLAINS, Suspect, encoder_behind
 from crane_observer.monitor.monitor import SensorComparison
 from crane_observer.monitor.replay import SensorWatch
-from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.node.observer_node import findings_message
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_observer.monitor.readings import BESIDE, JumpWatch
+from crane_observer.monitor.readings import NEIGHBOURS, JumpWatch
 
 STEP, PERIOD, COUNT = 4.8e-5, 0.005, 800  # rad, s, readings
 
@@ -17,10 +17,10 @@ def moving(amplitude: float, frequency: float) -> np.ndarray:
 def jumps(shown: np.ndarray, time: np.ndarray | None = None) -> list[tuple[float, float]]:
     """Size, and the time when it was found."""
     watch, found = JumpWatch(1), []
-    for at, one in zip(
+    for at, reading in zip(
         PERIOD * np.arange(len(shown)) if time is None else time, shown, strict=True
     ):
-        watch.add(float(at), np.array([one]))
+        watch.add(float(at), np.array([reading]))
         if watch.size[0]:
             found.append((float(watch.size[0]), float(at)))
             watch.forget()
@@ -44,7 +44,7 @@ def test_a_jump_is_found_at_once_with_its_size(
     shown = rounded(moving(amplitude, frequency) + size * (np.arange(COUNT) >= 500))
     ((found, at),) = jumps(shown)
     assert found == pytest.approx(size, abs=3.0 * STEP)
-    assert at - 500 * PERIOD == pytest.approx(BESIDE * PERIOD)
+    assert at - 500 * PERIOD == pytest.approx(NEIGHBOURS * PERIOD)
 
 
 @given(**motion, noise=st.floats(0.0, 30.0), seed=st.integers(0, 99))

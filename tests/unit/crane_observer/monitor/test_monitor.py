@@ -8,9 +8,8 @@ from unit.crane_observer.monitor.at_work import ONSET, Heard, Lie, changed, exch
 
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
-from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.finding import Part, SensorFinding, Wrong
 from crane_observer.monitor.replay import Heed, SensorWatch
-from crane_observer.monitor.signatures import Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance
 
 NOISE = np.random.default_rng(4).standard_normal(10_000)
@@ -262,14 +261,14 @@ def test_an_encoder_is_watched_by_what_is_left(
     watched = SensorWatch(model, tolerance)
     for _ in lying.into(watched):
         pass
-    assert [one.part for one in watched.monitor.findings] == [named]
+    assert [finding.part for finding in watched.monitor.findings] == [named]
     drifts = changed("q", lambda x, t: x + 5e-3 * np.clip(t - 5.0, 0.0, None))
     watched = SensorWatch(model, tolerance)
     for _ in drifts(lying, 0).into(watched):
         pass
     first, *later = watched.monitor.findings
     assert first.part is named
-    danger = next(one for one in later if one.dangerous)
+    danger = next(finding for finding in later if finding.dangerous)
     assert 5.0 < danger.found - ONSET < 7.0
     if danger.part is not Part.ENCODER:  # of one chamber alone, its transducer may do the same
         assert danger.rival is not None

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_observer.monitor.readings import LOOKED, PINNED, ReadingHabits, ReadingWatch
-from crane_observer.monitor.signatures import Part, Wrong
+from crane_observer.monitor.finding import Part, Wrong
+from crane_observer.monitor.readings import LOOKED_AT, PINNED, ReadingHabits, ReadingWatch
 
 STEP = 4.8e-5  # rad
 PERIOD = 0.005  # s
@@ -23,8 +23,8 @@ def course(rest: int, speed: float, moving: int) -> np.ndarray:
 def fed(values: np.ndarray) -> list[bool]:
     habits = ReadingHabits(1)
     told = []
-    for one in values:
-        habits.add(np.array([one]))
+    for value in values:
+        habits.add(np.array([value]))
         told.append(bool(habits.noisy[0]))
     return told
 
@@ -42,23 +42,23 @@ def test_noise_beyond_the_steps_is(steps: float) -> None:
     values[1500:] += STEP * np.round(noise / STEP)
     told = fed(values)
     assert not any(told[:1500])
-    assert any(told[1500 : 1500 + LOOKED])
+    assert any(told[1500 : 1500 + LOOKED_AT])
 
 
 def test_a_reading_that_is_missing_spoils_nothing() -> None:
     habits = ReadingHabits(1)
     rng = np.random.default_rng(3)
-    for k, one in enumerate(1e5 + 1e3 * rng.standard_normal(1000)):
-        habits.add(np.array([np.nan if k % 100 == 50 else one]))
+    for k, reading in enumerate(1e5 + 1e3 * rng.standard_normal(1000)):
+        habits.add(np.array([np.nan if k % 100 == 50 else reading]))
     assert 0.5e3 < habits.noise[0] < 2e3
 
 
 @pytest.mark.parametrize(
     ("held", "lasting", "stuck"),
     [
-        (24e6, LOOKED - 1, False),
-        (24e6, LOOKED + 1, True),
-        (25e6, LOOKED + 1, False),  # a load that swings: the chamber is beyond what it can show
+        (24e6, LOOKED_AT - 1, False),
+        (24e6, LOOKED_AT + 1, True),
+        (25e6, LOOKED_AT + 1, False),  # a load that swings: the chamber is beyond what it can show
         (25e6, PINNED + 1, True),
     ],
 )
@@ -72,4 +72,6 @@ def test_a_transducer_at_its_end_is_stuck_only_if_it_stays(
     for k, (a, b, supply) in enumerate(shown):
         watched.read_pressures(PERIOD * k, np.array([a]), np.array([b]), supply)
     found = watched.found(PERIOD * len(shown))
-    assert [(one.part, one.kind) for one in found] == [(Part.PRESSURE_B, Wrong.STUCK)] * stuck
+    assert [(finding.part, finding.kind) for finding in found] == [
+        (Part.PRESSURE_B, Wrong.STUCK)
+    ] * stuck

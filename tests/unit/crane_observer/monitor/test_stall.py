@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from unit.crane_observer.monitor.at_work import Heard
 
-from crane_benchmark.observing.cycles import LiftingPlant, WorkCycles
-from crane_benchmark.observing.machines import stock
+from crane_benchmark.observing.machines import LiftingPlant, WorkCycles, stock
 from crane_model.model_file import Model
 from crane_observer.monitor.tolerance import Tolerance
 from crane_sim.plant.closed_loop import record
@@ -25,13 +24,13 @@ def heard(model: Model, noise: int) -> Heard:
         np.array([low, low, high, high]), np.array([1.0, 5.0, 20.0]),
         np.array([3.0, 18.0, 28.0]), np.array([0.0, 150.0, 150.0]), np.zeros(3),
     )  # fmt: skip
-    machine, stand_in = observed.machine, observed.stand_in
-    plant = LiftingPlant(stand_in, machine, cycles, observed.hidden)
-    made = record(cycles, plant, Sensors(stand_in.sensors, machine, noise), observed.gains)
-    own, shown = [machine.index(joint) for joint in model.joints], made.pressures
+    machine, simulated = observed.machine, observed.simulated
+    plant = LiftingPlant(simulated, machine, cycles, observed.hidden)
+    made = record(cycles, plant, Sensors(simulated.sensors, machine, noise), observed.gains)
+    columns, shown = [machine.index(joint) for joint in model.joints], made.pressures
     return Heard(
-        made.time, made.position[:, own], shown.chamber_a, shown.chamber_b, shown.supply,
-        made.command[:, own],
+        made.time, made.position[:, columns], shown.chamber_a, shown.chamber_b, shown.supply,
+        made.command[:, columns],
     )  # fmt: skip
 
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from unit.crane_observer.monitor.at_work import Heard
 
-from crane_benchmark.observing.cycles import LiftingPlant, WorkCycles
-from crane_benchmark.observing.machines import stock
+from crane_benchmark.observing.machines import LiftingPlant, WorkCycles, stock
 from crane_model.model_file import Model
-from crane_observer.monitor.blocks import MOST, SupplyLine
+from crane_observer.monitor.blocks import LARGEST_SURPLUS, SupplyLine
 from crane_observer.monitor.tolerance import Tolerance
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.sampled import Sensors
@@ -53,7 +52,7 @@ def test_the_line_is_followed_until_as_much_is_drawn_as_was_pressed_back(
 def test_a_transducer_that_shows_too_much_does_not_make_a_surplus_of_it() -> None:
     told = blocks(np.array([*[3e-5] * 40, -1e-5, *[2e-5] * 60]), shown=2e6)
     surplus = np.flatnonzero([surplus for surplus, _ in told[20:]])
-    needed = MOST / (DROOP * 2e-5 * BLOCK)  # blocks in which so much is drawn
+    needed = LARGEST_SURPLUS / (DROOP * 2e-5 * BLOCK)  # blocks in which so much is drawn
     assert surplus[0] >= 21
     assert surplus[-1] < 21 + np.ceil(needed)
 
@@ -65,14 +64,14 @@ def heard(model: Model) -> Heard:
     cycles = WorkCycles(
         poses, np.array([1.0, 4.0]), np.array([3.0, 9.0]), np.array([0.0, 147.0]), np.zeros(2)
     )
-    machine, stand_in = observed.machine, observed.stand_in
-    plant = LiftingPlant(stand_in, machine, cycles, observed.hidden)
-    sensors = Sensors(stand_in.sensors, machine, 5)
+    machine, simulated = observed.machine, observed.simulated
+    plant = LiftingPlant(simulated, machine, cycles, observed.hidden)
+    sensors = Sensors(simulated.sensors, machine, 5)
     made = record(cycles, plant, sensors, observed.gains)
-    own, shown = [machine.index(joint) for joint in model.joints], made.pressures
+    columns, shown = [machine.index(joint) for joint in model.joints], made.pressures
     return Heard(
-        made.time, made.position[:, own], shown.chamber_a, shown.chamber_b, shown.supply,
-        made.command[:, own],
+        made.time, made.position[:, columns], shown.chamber_a, shown.chamber_b, shown.supply,
+        made.command[:, columns],
     )  # fmt: skip
 
 

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from crane_observer.monitor.blocks import BLOCK
-from crane_observer.monitor.history import TERMS, Sums, between, taken
-from crane_observer.monitor.tolerance import ROOM, learn
+from crane_observer.monitor.tolerance import RESERVE, TERMS, Sums, between, learn, taken
 
 COUNT = 50
 LATE, CREEP, EDGE = 0.01, 0.03, 0.5  # s, m/s, of the play
@@ -53,8 +52,8 @@ def test_tolerances_hold_what_was_seen_and_little_more() -> None:
     learnt = learn(("boom",), [sums], "made").rows
     begin = np.arange(2000)
     moved, may = between(learnt, sums, begin, begin + 500)
-    assert (ROOM * moved[:, :2] <= may[:, :2] * 1.0001).all()
-    assert (may[:, :2] < 1.2 * ROOM * moved[:, :2]).all()
+    assert (RESERVE * moved[:, :2] <= may[:, :2] * 1.0001).all()
+    assert (may[:, :2] < 1.2 * RESERVE * moved[:, :2]).all()
 
 
 def test_a_joint_that_hunts_longer_than_it_ever_did_is_no_alarm() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crane_observer.monitor.history import fitted, regressors
+from crane_observer.monitor.tolerance import fitted, regressors
 
 ZERO, UP, DOWN = 3e4, -2e-3, 4e-3  # Pa, of the way
 WIDER_UP, WIDER_DOWN = 6e-5, -4e-5  # of the stroke

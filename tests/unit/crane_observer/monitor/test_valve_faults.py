@@ -1,11 +1,11 @@
-"""Small faults of valves and pistons, made by the stand-in's own laws, told from the encoder's."""
+"""Small faults of valves and pistons, made by the simulated crane, told from the encoder's."""
 
 import pytest
 from unit.crane_observer.monitor.at_work import Heard
 
 from crane_benchmark.observing.machines import stock
 from crane_model.model_file import Model
-from crane_observer.monitor.signatures import Part, Wrong
+from crane_observer.monitor.finding import Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance
 
 SECONDS, SEED, ONSET = 20.0, 3, 6.0
@@ -25,11 +25,11 @@ def test_a_small_leak_or_lag_is_no_encoder(
 ) -> None:
     observed = stock()
     made, _ = observed.at_work(SECONDS, SEED, failing=[f"{fault}@{ONSET}"])
-    own = [observed.machine.index(one) for one in model.joints]
+    columns = [observed.machine.index(joint) for joint in model.joints]
     shown = made.pressures
     heard = Heard(
-        made.time, made.position[:, own], shown.chamber_a, shown.chamber_b, shown.supply,
-        made.command[:, own],
+        made.time, made.position[:, columns], shown.chamber_a, shown.chamber_b, shown.supply,
+        made.command[:, columns],
     )  # fmt: skip
     watched = heard.to(model, tolerance)
     assert watched.monitor.findings, "nothing was found"

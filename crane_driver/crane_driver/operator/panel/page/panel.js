@@ -151,8 +151,8 @@ function show(picture) {
   text("remedy", state.remedy);
   $("state").dataset.tone = TONES[state.number] || "idle";
   document.title = `${state.word} – ${picture.machine}`;
-  $("strangers").hidden = picture.strangers.length === 0;
-  text("strangers", `Readings come for ${picture.strangers.join(", ")}, which this machine does not have: give the panel the driver’s machine.`);
+  $("unknown_joints").hidden = picture.unknown_joints.length === 0;
+  text("unknown_joints", `Readings come for ${picture.unknown_joints.join(", ")}, which this machine does not have: give the panel the driver’s machine.`);
   build(picture);
   picture.joints.forEach(showJoint);
   if (picture.pressures) showPressures(picture.pressures);

@@ -7,16 +7,21 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import TransferFunction, lsim
 
-from crane_driver.operator.bringup.samples import ROTARY, Rest, Trace, at_rest, moved
-from crane_driver.operator.bringup.sensors import find_encoder, find_offset
-from crane_driver.operator.bringup.valves import (
+from crane_driver.operator.bringup.estimates import (
+    ENCODER_TURN_RAD,
     Nudge,
+    Rest,
     StepFit,
+    Trace,
+    at_rest,
     average,
+    find_encoder,
+    find_offset,
     find_polarity,
     first_gains,
     fit_dead_band,
     fit_step,
+    moved,
 )
 from crane_model.errors import DataError
 
@@ -31,7 +36,7 @@ def quantised(position):
 def test_a_pose_at_the_wrap_of_an_encoder_is_the_mean_on_the_circle(angle, seed):
     noisy = angle + 1e-4 * np.random.default_rng(seed).standard_normal(200)
     wrapped = (noisy + np.pi - 0.5) % (2.0 * np.pi) - np.pi + 0.5  # the wrap is anywhere
-    rest = at_rest("slew", 0.005 * np.arange(200), wrapped, 1e-4, ROTARY)
+    rest = at_rest("slew", 0.005 * np.arange(200), wrapped, 1e-4, ENCODER_TURN_RAD)
     assert np.exp(1j * rest.position) == pytest.approx(np.exp(1j * angle), abs=1e-4)
     assert rest.noise == pytest.approx(1e-4, rel=0.3)
 
@@ -45,7 +50,9 @@ def test_a_joint_that_moves_is_not_at_rest():
 def test_a_joint_that_sinks_is_where_it_was_at_the_beginning(seconds):
     """However long the record; what it sinks is no noise."""
     time = np.arange(0.0, seconds, 0.005)
-    rest = at_rest("inner_boom", 1.8e9 + time, quantised(0.3 - 1.14e-4 * time), RESOLUTION, ROTARY)
+    rest = at_rest(
+        "inner_boom", 1.8e9 + time, quantised(0.3 - 1.14e-4 * time), RESOLUTION, ENCODER_TURN_RAD
+    )
     assert rest.position == pytest.approx(0.3, abs=RESOLUTION)
     assert rest.sinking == pytest.approx(-1.14e-4, rel=0.25)
     assert rest.noise < RESOLUTION
@@ -116,7 +123,7 @@ def test_a_transducer_that_says_always_the_same_is_named():
 
 
 def nudge(command: float, direction: float) -> Nudge:
-    return Nudge(command=command, moved=direction * 5e-4, way=direction * 1e-3)
+    return Nudge(command=command, moved=direction * 5e-4, displacement=direction * 1e-3)
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

@@ -9,11 +9,10 @@ import yaml
 from crane_driver.can.binding import load_layout
 from crane_driver.can.mapping import Mapping
 from crane_driver.driver_parameters import driver_parameters
-from crane_driver.operator.bringup.bench import Bench, Protocol
-from crane_driver.operator.bringup.measuring import encoders
-from crane_driver.operator.bringup.samples import JointInstant
-from crane_driver.operator.bringup.series import Series
-from crane_driver.operator.bringup.terminal import BringupTerminal
+from crane_driver.operator.bringup.bench import Bench, BringupTerminal, Protocol
+from crane_driver.operator.bringup.estimates import JointInstant
+from crane_driver.operator.bringup.results import Series
+from crane_driver.operator.bringup.steps import encoders
 from crane_model.configuration import load
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file

@@ -5,9 +5,8 @@ import pytest
 
 from crane_driver.operator.bringup import motion
 from crane_driver.operator.bringup.bench import Bench
+from crane_driver.operator.bringup.estimates import JointInstant, Rest, fit_dead_band
 from crane_driver.operator.bringup.motion import MotionError, Mover, StoppedError, Tick
-from crane_driver.operator.bringup.samples import JointInstant, Rest
-from crane_driver.operator.bringup.valves import fit_dead_band
 from crane_model.errors import DataError
 
 JOINTS = ("inner_boom", "outer_boom")

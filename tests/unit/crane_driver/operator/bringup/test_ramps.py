@@ -1,4 +1,4 @@
-"""Ramps on the stand-in machine: a heavy slew on soft oil is given the time that it needs."""
+"""Ramps on the simulated crane: a heavy slew on soft oil is given the time that it needs."""
 
 from types import SimpleNamespace
 
@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from crane_driver.operator.bringup.bench import Bench
+from crane_driver.operator.bringup.estimates import JointInstant, Rest, average
 from crane_driver.operator.bringup.motion import Mover, Tick
-from crane_driver.operator.bringup.ramps import unhurried
-from crane_driver.operator.bringup.samples import JointInstant, Rest
-from crane_driver.operator.bringup.valves import average
+from crane_driver.operator.bringup.steps import unhurried
 from crane_model.errors import DataError
 from crane_model.machine import load_machine
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.plant import Plant
 
-MACHINE, STAND_IN = load_machine(), load_stand_in()
+MACHINE, SIMULATED = load_machine(), load_simulated_crane()
 PERIOD, PER_TICK = 0.005, 2
 RESOLUTION = 4.8e-5
 
@@ -24,12 +23,12 @@ class Driven:
     """One joint of the plant in the hands of the program."""
 
     def __init__(self, joint: str):
-        self.plant = Plant(STAND_IN, MACHINE, STAND_IN.start)
+        self.plant = Plant(SIMULATED, MACHINE, SIMULATED.start)
         self.column, self.now = MACHINE.index(joint), 0.0
 
     def tick(self, command: float) -> Tick:
         sent, samples = self.now, []
-        commands = np.zeros(len(STAND_IN.start))
+        commands = np.zeros(len(SIMULATED.start))
         commands[self.column] = command
         for _ in range(PER_TICK):
             self.now += PERIOD
@@ -45,7 +44,7 @@ def ramped(joint: str, rate: float) -> tuple[float, float, float, list[str]]:
     protocol = SimpleNamespace(rate=rate, speed=0.04, limit=0.25, repeats=1)
     terminal = SimpleNamespace(say=said.append)
     bench = Bench(None, terminal, *[None] * 7, (joint,), protocol)
-    rests = [Rest(q, 0.0, RESOLUTION) for q in STAND_IN.start.tolist()]
+    rests = [Rest(q, 0.0, RESOLUTION) for q in SIMULATED.start.tolist()]
     last, runs = unhurried(bench, Mover(Driven(joint), MACHINE.joint_names, joint, rests, 1.0))
     found = average([fit for _, fit in runs[1]], last)
     return last, found.dead_band, found.gain, said
@@ -67,16 +66,16 @@ def test_a_heavy_slew_is_given_time_until_two_rates_agree() -> None:
     assert "answers" in said[0] and "late to a ramp of 0.05/s" in said[0]
     true = (steady_speed("slew", 0.07) - steady_speed("slew", 0.06)) / 0.01
     assert gain == pytest.approx(true, rel=0.05)
-    assert dead_band == pytest.approx(STAND_IN.valves["slew"].dead_zone, abs=1e-3)
+    assert dead_band == pytest.approx(SIMULATED.valves["slew"].dead_zone, abs=1e-3)
 
 
 def test_a_light_joint_is_measured_at_once() -> None:
     rate, dead_band, _, said = ramped("inner_boom", 0.05)
     assert (rate, said) == (0.05, [])
-    assert dead_band == pytest.approx(STAND_IN.valves["inner_boom"].dead_zone, abs=1e-3)
+    assert dead_band == pytest.approx(SIMULATED.valves["inner_boom"].dead_zone, abs=1e-3)
 
 
 def test_a_joint_that_no_ramp_tells_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("crane_driver.operator.bringup.ramps.SLOWEST", 1.0)
+    monkeypatch.setattr("crane_driver.operator.bringup.steps.SLOWEST_RATE_RATIO", 1.0)
     with pytest.raises(DataError, match="slew: answers .* that tells no dead band; give a smaller"):
         ramped("slew", 0.05)

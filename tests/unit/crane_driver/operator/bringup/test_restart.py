@@ -12,8 +12,13 @@ import rclpy
 from rclpy.node import Node
 
 from crane_driver.driver_parameters import driver_parameters
+from crane_driver.operator.bringup.bench import (
+    BringupRequest,
+    Parameters,
+    driver_command,
+    next_command,
+)
 from crane_driver.operator.bringup.main import command_parser
-from crane_driver.operator.bringup.terminal import Parameters, driver_command, next_command
 from crane_model.machine import load_machine
 from crane_nodes.managed import own_arguments, ros_arguments
 from crane_nodes.parameters import declare
@@ -93,7 +98,9 @@ def test_the_next_step_keeps_every_option() -> None:
     of_ros = ["--ros-args", "-r", "__ns:=/left"]
     parser = command_parser()
     options = parser.parse_args(given)
-    command = next_command(parser, options, ros_arguments([*given, *of_ros]))
+    command = next_command(
+        parser, BringupRequest(**vars(options)), ros_arguments([*given, *of_ros])
+    )
     assert command
     words = by_shell(command)
     assert words[:4] == ["ros2", "run", "crane_driver", "bringup"]
@@ -106,15 +113,15 @@ def test_the_next_step_keeps_every_option() -> None:
 def test_the_next_step_goes_on_from_the_mapping_that_was_measured() -> None:
     parser = command_parser()
     options = parser.parse_args(["encoders", "--out", "runs/a", "--mapping", "naive.yaml"])
-    command = next_command(parser, options, [])
+    command = next_command(parser, BringupRequest(**vars(options)), [])
     assert command == "ros2 run crane_driver bringup pressures --out runs/a"
 
 
 def test_nothing_follows_the_gains() -> None:
     parser = command_parser()
     options = parser.parse_args(["dead_band", "--out", "runs/a"])
-    command = next_command(parser, options, [])
+    command = next_command(parser, BringupRequest(**vars(options)), [])
     assert command
     following = parser.parse_args(by_shell(command)[4:])
     assert following.step == "gains"
-    assert next_command(parser, following, []) is None
+    assert next_command(parser, BringupRequest(**vars(following)), []) is None

@@ -7,23 +7,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crane_driver.operator.jog.jog_input import (
-    FIRST_STEP,
-    PAIRS,
+    FIRST_SPEED,
+    JOINT_KEYS,
     REQUESTS,
-    STEPS,
+    SPEED_KEYS,
+    Demand,
     Keyboard,
     Request,
 )
-from crane_driver.operator.jog.motion import Demand
 
 HOLD = 0.12
 JOINTS = ("slew", "inner_boom", "outer_boom", "telescope")
 KEYS = {
     key: (joint, direction)
-    for joint, pair in zip(JOINTS, PAIRS, strict=False)
+    for joint, pair in zip(JOINTS, JOINT_KEYS, strict=False)
     for key, direction in zip(pair, (-1, 1), strict=True)
 }
-RAISED = Demand("inner_boom", FIRST_STEP / 10)
+RAISED = Demand("inner_boom", FIRST_SPEED / 10)
 
 
 def held(keyboard: Keyboard, start: float, end: float) -> float:
@@ -96,17 +96,17 @@ def test_requests_and_that_an_emergency_stop_is_heard_among_other_keys() -> None
 
 
 def test_every_key_means_one_thing() -> None:
-    keys = [*(key for pair in PAIRS for key in pair), *REQUESTS, *STEPS]
+    keys = [*(key for pair in JOINT_KEYS for key in pair), *REQUESTS, *SPEED_KEYS]
     assert len(keys) == len(set(keys))
 
 
 def test_keys_go_to_the_joints_of_any_machine_in_order() -> None:
     keyboard = Keyboard(HOLD, ("swing", "boom"))
     keyboard.typed("l", 0.0)
-    assert keyboard.demand(0.0) == Demand("swing", FIRST_STEP / 10)
+    assert keyboard.demand(0.0) == Demand("swing", FIRST_SPEED / 10)
     keyboard.typed("j", 0.0)
-    assert keyboard.demand(0.0) == Demand("boom", -FIRST_STEP / 10)
+    assert keyboard.demand(0.0) == Demand("boom", -FIRST_SPEED / 10)
     keyboard.typed("i", 0.0)
     assert keyboard.demand(0.0) is None
     many = Keyboard(HOLD, [f"joint_{i}" for i in range(20)])
-    assert len(many.pairs) == len(PAIRS)  # the others have a joystick
+    assert len(many.pairs) == len(JOINT_KEYS)  # the others have a joystick

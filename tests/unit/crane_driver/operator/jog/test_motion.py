@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.operator.jog.motion import CommandShape, Demand, JogMotion
-from crane_driver.operator.wording import LONGEST_PAUSE_S
+from crane_driver.operator import LONGEST_PAUSE_S
+from crane_driver.operator.jog.jog_input import CommandShape, Demand, JogMotion
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 

@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 
 from crane_driver.operator.panel.crane_watch import OLDEST_READING_S, ShownReadings, plain
 from crane_driver.operator.panel.pages import (
-    LONGEST_REASON,
+    LONGEST_REASON_CHARACTERS,
     MOST_PAGES,
     PAGE_SILENCE_S,
-    WAIT_S,
+    WRONG_TOKEN_WAIT_S,
     Arming,
     Pages,
+    host_allowed,
     legible,
     new_token,
 )
-from crane_driver.operator.panel.web import host_allowed
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.floats() | st.integers() | st.text(),
@@ -36,8 +36,8 @@ def test_only_the_token_arms_whatever_is_given(given_text: str) -> None:
 def test_after_a_wrong_token_even_the_right_one_waits() -> None:
     arming = Arming("k7mq-2xhd")
     assert arming.refusal("\ud800", 5.0)
-    assert "wait" in arming.refusal("k7mq-2xhd", 5.0 + 0.9 * WAIT_S)
-    assert arming.refusal(" K7MQ-2xhd\n", 5.0 + WAIT_S) == ""
+    assert "wait" in arming.refusal("k7mq-2xhd", 5.0 + 0.9 * WRONG_TOKEN_WAIT_S)
+    assert arming.refusal(" K7MQ-2xhd\n", 5.0 + WRONG_TOKEN_WAIT_S) == ""
 
 
 def test_a_page_that_is_lost_is_armed_no_more_and_is_told_as_armed() -> None:
@@ -69,9 +69,9 @@ def test_a_panel_that_was_held_up_itself_takes_no_page_for_silent() -> None:
 @given(st.text(st.characters()))
 def test_a_reason_is_a_bounded_line_of_plain_characters(reason: str) -> None:
     shown = legible(reason)
-    assert len(shown) == min(len(reason), LONGEST_REASON)
+    assert len(shown) == min(len(reason), LONGEST_REASON_CHARACTERS)
     assert all(32 <= ord(one) < 127 for one in shown)
-    if reason.isascii() and reason.isprintable() and len(reason) <= LONGEST_REASON:
+    if reason.isascii() and reason.isprintable() and len(reason) <= LONGEST_REASON_CHARACTERS:
         assert shown == reason
 
 

@@ -1,1 +1,0 @@
-"""What all of it comes to: a verdict and its reason."""

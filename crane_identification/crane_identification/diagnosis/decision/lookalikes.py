@@ -1,0 +1,391 @@
+"""Forces that resemble an effect of the catalogue and are not one."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_identification.diagnosis.decision.judgement import (
+    Beyond,
+    Judged,
+    held_out_gains,
+    helps,
+    marginal,
+    without,
+)
+from crane_identification.diagnosis.decision.several import factors
+from crane_identification.diagnosis.decision.signatures import chance_of, falls
+from crane_identification.diagnosis.search.candidates import ShapedCandidate
+from crane_identification.diagnosis.search.projection import NOTHING, Subset, solve
+from crane_identification.diagnosis.search.search import (
+    ForceSignature,
+    Search,
+    beside_lengths,
+    channels,
+    explained,
+    strength_on,
+    unexplained,
+)
+from crane_identification.thresholds import Thresholds
+
+# Whether a further effect, however weak, is none of what stronger ones leave over.
+#
+# A law that is not quite the machine's leaves a share of its own force, which a further effect may
+# resemble. How much that is, is known where the shape of the stronger one can be drawn: a shape
+# that explains no more than the law, in training and of recordings that it was not fitted to, says
+# that the law is the machine's, and leaves nothing.
+
+
+def stands_apart(
+    search: Search,
+    subset: Subset,
+    gains: Sequence[float],
+    place: int,
+    chance: float,
+    thresholds: Thresholds,
+) -> bool:
+    """Whether one effect of a set, with these `gains`, explains beside any shape of the stronger
+    ones what it does beside their laws, more than `chance` and of recordings that it was not fitted
+    to; and each of these laws leaves nothing to its shape, or is drawn. Those without a form leave
+    nothing either.
+    """
+    found = [search.projection.candidates[number] for number in subset.numbers]
+    own, rest = found[place], [one for k, one in enumerate(found) if k != place]
+    stronger = [
+        one
+        for one, gain in zip(found, gains, strict=True)
+        if one is not own and gain > gains[place] and not one.candidate.effect.formless
+    ]
+    shapes = [search.shapes.of(one.candidate) for one in stronger]
+    drawn = [shape for shape in shapes if shape is not None]
+    if len(drawn) < len(stronger):
+        return False
+    if not all(
+        _is_the_machines(search, found, law, shape, thresholds)
+        for law, shape in zip(stronger, drawn, strict=True)
+    ):
+        return False
+    known = [one.columns for one in (*rest, *drawn)]
+    least = max(chance, thresholds.method.simple_share * gains[place])
+    if explained(search, *known, own.columns) - explained(search, *known) <= least:
+        return False
+    before = np.concatenate([search.evidence.free, *known], axis=2)
+    held_out, _ = held_out_gains(search.evidence, search.whitener, before, own.columns)
+    return helps(held_out, thresholds)
+
+
+def _is_the_machines(
+    search: Search,
+    found: Sequence[ShapedCandidate],
+    law: ShapedCandidate,
+    shape: ShapedCandidate,
+    thresholds: Thresholds,
+) -> bool:
+    """Whether the shape explains no more beside all that was `found`, its law among it, than chance
+    does; one that is drawn has no other law.
+    """
+    if law.candidate.drawn:
+        return True
+    columns = [one.columns for one in found]
+    limit = chance_of(shape.columns, thresholds)
+    if explained(search, *columns, shape.columns) - explained(search, *columns) > limit:
+        return False
+    before = np.concatenate([search.evidence.free, *columns], axis=2)
+    gains, _ = held_out_gains(search.evidence, search.whitener, before, shape.columns)
+    return bool(np.nansum(gains) <= limit)
+
+
+# Whether a further effect is but the form of another one, which its law leaves over.
+
+
+def faint(
+    gains: Sequence[float], share: float, asked: Collection[int], formless: Collection[int] = ()
+) -> bool:
+    """Whether one of the effects `asked` gains less than that share of what the strongest does of
+    those that are not `formless`.
+    """
+    most = max((gain for place, gain in enumerate(gains) if place not in formless), default=0.0)
+    return any(gains[place] < share * most for place in asked)
+
+
+def slight(
+    channels: Sequence[np.ndarray],
+    gains: Sequence[float],
+    share: float,
+    asked: Collection[int],
+    formless: Collection[int] = (),
+) -> bool:
+    """Whether one of the effects `asked` gains less than that share of what another law does in
+    one of its channels: what a law leaves because it is not quite that of the machine is on its own
+    joint, most of it. Those that are `formless` leave nothing.
+    """
+    where = [set(one.tolist()) for one in channels]
+    return any(
+        gains[place] < share * gains[k]
+        for place in asked
+        for k in range(len(where))
+        if k not in formless and where[place] & where[k]
+    )
+
+
+def mends(
+    search: Search,
+    numbers: Sequence[int],
+    gains: Sequence[float],
+    share: float,
+    asked: Collection[int],
+) -> bool:
+    """Whether one of several laws that resist the motion, of those `asked`, gains less than that
+    share of what another of these does on its joint: so much is left by the form of that one.
+    """
+    candidates = search.projection.candidates
+    resisting: dict[str, list[tuple[int, float]]] = {}
+    for place, (number, gain) in enumerate(zip(numbers, gains, strict=True)):
+        joint = candidates[number].candidate.joint
+        if joint is not None and reverses(search, candidates[number]):
+            resisting.setdefault(joint, []).append((place, gain))
+    return any(
+        place in asked and gain < share * max(other for _, other in one)
+        for one in resisting.values()
+        for place, gain in one
+    )
+
+
+def reverses(search: Search, shaped: ShapedCandidate) -> bool:
+    """Whether the force of a candidate changes its sign with the velocity, and nothing else."""
+    setting = search.evidence.model.setting
+    for run in search.evidence.runs:
+        record = replace(run.record, direction_known=None)
+        there = shaped.term.columns(record, setting)
+        back = shaped.term.columns(replace(record, velocity=-record.velocity), setting)
+        if there.any():
+            return bool(np.allclose(back, -there))
+    return False
+
+
+def of_one_form(
+    search: Search, subset: Subset, chance: float, thresholds: Thresholds, settled: int = 0
+) -> bool:
+    """Whether an effect of a set is but the form of another one of them; not of those `settled`.
+    `chance` gives so much to the best effect when nothing is missing.
+
+    Changes of terms that the model has are of the model's own form.
+    """
+    if all(search.projection.candidates[number].candidate.changes for number in subset.numbers):
+        return False
+    gains, method = marginal(search, subset), thresholds.method
+    effects = [search.projection.candidates[number].candidate.effect for number in subset.numbers]
+    formless = {place for place, effect in enumerate(effects) if effect.formless}
+    places = range(settled, len(gains))
+    if faint(gains, method.elsewhere_share, places, formless):
+        return True
+    further = [place for place in places if not fills(search, subset, place, chance, thresholds)]
+    where = [channels(search, number) for number in subset.numbers]
+
+    def of_another(asked: Collection[int]) -> bool:
+        return slight(where, gains, method.further_share, asked, formless) or mends(
+            search, subset.numbers, gains, method.form_share, asked
+        )
+
+    return of_another(further) and of_another(
+        [
+            place
+            for place in further
+            if not stands_apart(search, subset, gains, place, chance, thresholds)
+        ]
+    )
+
+
+def fills(
+    search: Search, subset: Subset, place: int, chance: float, thresholds: Thresholds
+) -> bool:
+    """Whether one effect of a set explains most of what the others leave beyond noise where it
+    acts, which is more than `chance`: of what the form of a law leaves, another explains a part.
+    """
+    own = channels(search, subset.numbers[place])
+    before, after = (
+        float(unexplained(search, one)[own].sum())
+        for one in (without(search, subset, place), subset)
+    )
+    return before > chance and after <= (1.0 - thresholds.method.simple_share) * before
+
+
+# Forces of no effect of the catalogue, beside the effects that were found or in their place.
+#
+# What a law leaves because it is not quite the machine's follows no signature well. So a signature
+# of no effect is there if it is most of what is left on a joint, as much beside the laws there as
+# is asked of an effect, and predicts it elsewhere.
+
+# Forces that wrong lengths leave: a little on every joint, often too weak to be named. A force that
+# explains little beside such lengths is not an effect.
+
+
+def is_of_lengths(
+    search: Search,
+    longer: Search,
+    rest: Sequence[np.ndarray],
+    columns: np.ndarray,
+    thresholds: Thresholds,
+) -> bool:
+    """Whether columns (n, c, k), beside the `rest` (n, c, k each), gain less than half as much in
+    the `longer` search, beside lengths that are off, and scales of the forces of all joints.
+    """
+    gained = _gain(longer, [*rest, *_scales(longer)], columns)
+    return gained < thresholds.method.simple_share * _gain(search, rest, columns)
+
+
+def _gain(search: Search, rest: Sequence[np.ndarray], columns: np.ndarray) -> float:
+    """What columns explain more than the `rest` does."""
+    return explained(search, *rest, columns) - _explained(search, rest)
+
+
+def _explained(search: Search, columns: Sequence[np.ndarray]) -> float:
+    return explained(search, *columns) if columns else 0.0
+
+
+def _scales(search: Search) -> list[np.ndarray]:
+    return [search.projection.candidates[number].columns for number in factors(search)]
+
+
+SENSING = "sensing"  # family of terms
+
+
+class Strange(NamedTuple):
+    """Of effects that were found, those that are `kept` beside forces of no effect, `beyond`."""
+
+    kept: tuple[Judged, ...]
+    beyond: tuple[Beyond, ...]
+
+
+def with_strange(
+    search: Search, found: Sequence[Judged], threshold: float, thresholds: Thresholds
+) -> Strange:
+    """What was found, without effects in whose place a signature of no effect explains more.
+
+    `threshold` is what chance gives to the best effect of the catalogue.
+    """
+    found, beyond = _without_falling(search, found, thresholds)
+    kept = list(found)
+    numbers = tuple(search.number(one.shaped) for one in found)
+    subset = (solve(search.projection, numbers) if numbers else None) or NOTHING
+    joints = search.evidence.joints
+    left = np.maximum(unexplained(search, subset), 0.0).reshape(-1, len(joints)).sum(axis=0)
+    for j, joint in enumerate(joints):
+        least = max(
+            threshold,
+            thresholds.method.simple_share * float(left[j]),
+            _left_by_form(found, joint, thresholds),
+        )
+        other = _most_of(search, found, j, least, thresholds)
+        if other is not None:
+            beyond.append(Beyond(joint, other.said))
+            kept = [
+                one
+                for one in kept
+                if one.shaped.candidate.joint != joint or not _instead(search, found, one, other)
+            ]
+    return Strange(tuple(kept), tuple(beyond))
+
+
+def _without_falling(
+    search: Search, found: Sequence[Judged], thresholds: Thresholds
+) -> tuple[list[Judged], list[Beyond]]:
+    """The effects without those of a shape that falls where their laws rise, and these."""
+    kept, beyond = [], []
+    for one in found:
+        candidate = one.shaped.candidate
+        rest = _columns([other for other in found if other is not one])
+        if candidate.drawn and falls(search, one.shaped, rest, thresholds):
+            beyond.append(Beyond(candidate.where, candidate.effect.signature, falls=True))
+        else:
+            kept.append(one)
+    return kept, beyond
+
+
+def _most_of(
+    search: Search, found: Sequence[Judged], j: int, least: float, thresholds: Thresholds
+) -> ForceSignature | None:
+    """The signature of no effect on joint j that explains most beside what was found, more than
+    the `least`, and more than chance and the errors of the processing do; None if there is none.
+    """
+    rest = _columns(found)
+    known = explained(search, *rest) if rest else 0.0
+    best, most = None, least
+    joint = search.evidence.joints[j]
+    sensing = suspected(found, joint)
+    here = any(one.shaped.candidate.joint == joint for one in found)
+    for other in search.shapes.unlisted_signatures(joint):
+        if other.term.is_of_sensors() and not here:
+            continue  # it would stand in for nothing
+        lead = explained(search, *rest, other.columns) - known
+        if lead <= max(most, chance_of(other.columns, thresholds)):
+            continue
+        if other.term.is_of_sensors() and not sensing:
+            # Wrong lengths leave such a force as well, and friction along a narrow way.
+            most_of_own = thresholds.method.lead_share * lead
+            if not _accounts_for(search, found, joint, other, most_of_own):
+                continue
+        if strength_on(search, lead, j) < thresholds.gates.smallest_strength:
+            continue
+        before = np.concatenate([search.evidence.free, *rest], axis=2)
+        gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
+        of_sensors = other.term.is_of_sensors()  # lengths leave such a force
+        if of_sensors and is_of_lengths(
+            search, beside_lengths(search), rest, other.columns, thresholds
+        ):
+            continue
+        if helps(gains, thresholds):
+            best, most = other, lead
+    return best
+
+
+def _left_by_form(found: Sequence[Judged], joint: str, thresholds: Thresholds) -> float:
+    """What the laws on a joint may leave because their forms are not the machine's; 0 if none."""
+    method, candidates = thresholds.method, [(one.shaped, one.score) for one in found]
+    left = [
+        score * (method.reading_share if one.term.is_of_sensors() else method.elsewhere_share)
+        for one, score in candidates
+        if one.candidate.joint == joint and not one.candidate.effect.formless
+    ]
+    return max(left, default=0.0)
+
+
+def _accounts_for(
+    search: Search, found: Sequence[Judged], joint: str, other: ForceSignature, most: float
+) -> bool:
+    """Whether effects were found on a joint that explain no more than the `most` beside a
+    signature: it is why they were found. Scales, which wrong lengths make as well, need not be
+    among them.
+    """
+    both = explained(search, *_columns(found), other.columns)
+    here = [one for one in found if one.shaped.candidate.joint == joint]
+    laws = [one for one in here if not one.shaped.candidate.effect.formless]
+    for these in (here, laws):
+        rest = [one for one in found if not any(one is each for each in these)]
+        alone = explained(search, *_columns(rest), other.columns)
+        if these and both - alone <= most:
+            return True
+    return False
+
+
+def suspected(found: Sequence[Judged], joint: str) -> bool:
+    """Whether what was found on a joint is of its sensors: not where the forces of two joints are
+    scaled, which is lengths that are off.
+    """
+    candidates = [one.shaped.candidate for one in found]
+    lengths = sum(one.effect.formless for one in candidates) > 1
+    return any(
+        one.joint == joint and one.term.family == SENSING and not (lengths and one.effect.formless)
+        for one in candidates
+    )
+
+
+def _instead(search: Search, found: Sequence[Judged], one: Judged, other: ForceSignature) -> bool:
+    """Whether a signature explains more in the place of an effect than that does."""
+    rest = _columns([each for each in found if each is not one])
+    return explained(search, *rest, other.columns) > explained(search, *rest, one.shaped.columns)
+
+
+def _columns(found: Sequence[Judged]) -> list[np.ndarray]:
+    return [one.shaped.columns for one in found]

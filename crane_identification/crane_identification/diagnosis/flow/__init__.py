@@ -1,1 +1,0 @@
-"""The balance of the flow of oil, beside that of forces."""

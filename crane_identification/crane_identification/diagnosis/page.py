@@ -1,0 +1,540 @@
+"""report.html: one file, without network, with one evidence card per finding and its charts.
+
+A chart is a description as plotly.js wants it; its colours are names of CSS variables.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crane_identification.diagnosis import words
+from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.fit.evidence import Zone, normed, residual
+from crane_identification.diagnosis.proof.proof import Finding
+from crane_identification.diagnosis.residuals import OF_NO_JOINT, energy_shares, on_rows, unit_of
+from crane_identification.diagnosis.words import Content
+from crane_identification.notation import human, listed, percent, plain, spoken
+from crane_identification.report.content import Provenance
+from crane_identification.report.html import (
+    FONT,
+    PageLink,
+    axis_style,
+    link,
+    page_of,
+    part,
+    rendered,
+)
+from crane_model.flow import FLOW_EFFECTS
+from crane_model.terms.term import Variable
+
+RESULTS = ("model.yaml", "findings.json")  # beside the page
+SHARED = "crane_identification.report"  # style and script of the identification report
+WINDOW = 25.0  # s of the held-out recording that is drawn
+WHATEVER: tuple[Variable, ...] = ("velocity",)  # shows that an effect depends on nothing
+BEFORE, AFTER, FLOOR, BEST, EFFECT = "--before", "--after", "--scatter", "--planted", "--ink"
+CLOUD_POINTS = 1500  # of a cloud; more do not show
+HISTOGRAM_BARS = 40  # of a histogram
+CLOUD_MEANS = 40  # of the line of means through a cloud
+HEIGHT, LEGEND_HEIGHT = 240, 30  # px
+PATTERNS = {BEFORE: "/", BEST: "x", FLOOR: "."}
+DASHES = {BEFORE: "dot"}
+"""Of bars and lines, to tell them apart where there is no colour, as on paper; others are plain."""
+STRETCHING_MEDIANS = (
+    5.0  # medians of the sizes of values, beyond which one does not stretch an axis
+)
+
+
+class Picture(NamedTuple):
+    """A figure: the id of its div, what it shows, that in words, and its description."""
+
+    key: str
+    caption: str
+    words: str
+    description: dict[str, Any]
+
+    @property
+    def height(self) -> int:
+        """What the page keeps free for it [px]."""
+        return int(self.description["layout"]["height"])
+
+
+def write(
+    path: Path | str, diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[str] = ()
+) -> None:
+    """Write the page, with what is suspicious of the recordings."""
+    path = Path(path)
+    html = render(diagnosis, provenance, suspicions, path.parent)
+    path.write_text(html, encoding="utf-8")
+
+
+def render(
+    diagnosis: Diagnosis,
+    provenance: Provenance,
+    suspicions: Sequence[str] = (),
+    folder: Path = Path(),
+) -> str:
+    """The page as HTML, with links that hold in `folder`."""
+    content = diagnosis.results(suspicions).plain()
+    found = content["findings"][: len(diagnosis.findings)]  # in the force
+    pictures = [
+        (
+            *curves(f"curve-{number}", entry["curves"], "The nonparametric curve"),
+            *curves(f"deviation-{number}", entry["deviation"], "The force that its form lacks"),
+            *_pictures(diagnosis, number, finding),
+        )
+        for number, (entry, finding) in enumerate(zip(found, diagnosis.findings, strict=True), 1)
+    ]
+    error = error_pictures(diagnosis)
+    where = [] if content["verdict"] in words.NOISE else [where_picture(diagnosis)]
+    near = words.nearest_drawn(content["unknown"]) if content["unknown"] else None
+    unknown = curves("unknown", near["curves"], "The nonparametric curve") if near else ()
+    shown = [*where, *error, *unknown, *(one for card in pictures for one in card)]
+    return rendered(
+        __package__,
+        {picture.key: picture.description for picture in shown},
+        content=content,
+        words=words,
+        cards=list(zip(found, diagnosis.findings, pictures, strict=True)),
+        error_pictures=error,
+        where=where,
+        unknown_pictures=unknown,
+        name=diagnosis.before.name,
+        units=diagnosis.before.setting.units,
+        undetermined_flow={one.joint: one.undetermined for one in diagnosis.flow.found},
+        missing_flow={(one.joint, q.type) for one in diagnosis.flow.found for q in one.missing},
+        flow_effects=FLOW_EFFECTS,
+        not_simulated=[
+            f"{which} the findings, {motion.reason}"
+            for which, motion in (
+                ("before", diagnosis.gap.motion_before),
+                ("after", diagnosis.gap.motion_after),
+            )
+            if motion.reason
+        ],
+        settle=words.settling_command(content, folder),
+        untestable=_untried(diagnosis, content["not_testable"]),
+        unobservable=_untried(diagnosis, content["not_observable"]),
+        percent=percent,
+        listed=listed,
+        spoken=spoken,
+        usual=_usual,
+        provenance=provenance,
+        model_file=link(provenance.model_file, folder),
+        model_page=page_of(provenance.model_file, folder),
+        results=[PageLink(name, name) for name in RESULTS],
+        training=[link(bag, folder) for bag in diagnosis.training.sources],
+        validation=[link(bag, folder) for bag in diagnosis.held_out.sources],
+        style=part(SHARED, "page.css") + part(__package__, "page.css"),
+        script=part(SHARED, "page.js"),
+    )
+
+
+def _usual(quantity: Content, missing: bool) -> str:
+    """The limit of what is usual, and whether a value beyond it is too uncertain to count."""
+    unit, factor = human(quantity["unit"])
+    value, limit = abs(quantity["value"] or 0.0), abs(quantity["usual_limit"])
+    unsure = ", not surely exceeded" if value > limit and not missing else ""
+    return f"{plain(factor * limit)} {unit}".rstrip() + unsure
+
+
+def _untried(diagnosis: Diagnosis, entries: Sequence[Content]) -> list[tuple[str, str]]:
+    """Names and reasons of effects that were not tried."""
+    names = {
+        one.type: one.effect.name
+        for one in (*diagnosis.search.untestable, *diagnosis.search.unobservable)
+    } | {kind: one.effect.name for kind, one in FLOW_EFFECTS.items()}
+    return [
+        (
+            f"{names[one['effect']]} ({words.place(one['joint'])})",
+            words.said(one["reason"], diagnosis.joints),
+        )
+        for one in entries
+    ]
+
+
+# The pictures of all, and of one finding.
+
+
+def error_pictures(diagnosis: Diagnosis) -> list[Picture]:
+    """Force and simulated motion on the held-out recordings, before and after."""
+    gap = diagnosis.gap
+    added = diagnosis.after is not diagnosis.before
+    names = [spoken(joint) for joint in diagnosis.joints]
+    units = diagnosis.before.setting.units
+    small = dict.fromkeys({"rad": "mrad", "m": "mm"}[units[joint]] for joint in diagnosis.joints)
+    force = grouped_bars(
+        names,
+        (
+            ("before", BEFORE, 100 * gap.before),
+            *([("after", AFTER, 100 * gap.after)] if added else []),
+            ("learner", BEST, 100 * gap.best),
+            ("noise floor", FLOOR, 100 * gap.floor),
+        ),
+        "error of the force [% of its rms]",
+    )
+    motion = grouped_bars(
+        names,
+        (
+            ("before", BEFORE, 1e3 * gap.motion_before.position_rms),
+            *([("after", AFTER, 1e3 * gap.motion_after.position_rms)] if added else []),
+        ),
+        f"error after {gap.motion_before.horizon:.2g} s [{', '.join(small)}]",
+    )
+    text = "The table has its numbers."
+    return [
+        Picture("gap-force", "Force that the model does not explain", text, force),
+        Picture("gap-motion", "Simulated against measured motion", text, motion),
+    ]
+
+
+def where_picture(diagnosis: Diagnosis) -> Picture:
+    """Which joint carries what the model does not explain."""
+    names = [spoken(joint) for joint in diagnosis.joints]
+    shares = energy_shares(diagnosis.training, diagnosis.proof.before, diagnosis.gap)
+    bars = grouped_bars(names, (("share", BEFORE, 100 * shares),), "share of the unexplained [%]")
+    return Picture("where", "Which joint", "The list has its numbers.", bars)
+
+
+def curves(key: str, entries: Sequence[Content], title: str) -> tuple[Picture, ...]:
+    """Nonparametric curves of findings.json, one for each factor."""
+    out = []
+    for place, one in enumerate(entries):
+        (unit, factor), (force, size) = human(one["variable_unit"]), human(one["unit"])
+        values, std_devs = (size * np.array(one[name]) for name in ("values", "std_devs"))
+        times = "" if one["times"] == "1" else f", to be multiplied by {one['times']}"
+        line = _trace("", EFFECT, factor * np.array(one["knots"]), values, mode="lines+markers") | {
+            "error_y": {"type": "data", "array": numbers(std_devs), "color": EFFECT, "thickness": 1}
+        }
+        out.append(
+            Picture(
+                f"{key}-{place}",
+                f"{title}{times}: values at its knots, with their standard deviations",
+                f"From {plain(values.min())} to {plain(values.max())} {force}.",
+                description([line], f"{one['variable']} [{unit}]", f"[{force}]"),
+            )
+        )
+    return tuple(out)
+
+
+def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Picture, ...]:
+    judged = finding.judged
+    effect = _beside(diagnosis, finding)
+    shown, joint = _shown(diagnosis, effect), finding.candidate.joint
+    if joint is not None:  # not those that carry its joint
+        shown = np.where(
+            np.arange(len(shown)) % len(diagnosis.joints) == diagnosis.joints.index(joint),
+            shown,
+            0.0,
+        )
+    channel = int(np.argmax(shown))
+    follows = finding.candidate.effect.follows or WHATEVER
+    return (
+        *(
+            _signature(diagnosis, f"signature-{number}-{place}", effect, channel, variable)
+            for place, variable in enumerate(follows)
+        ),
+        Picture(
+            f"null-{number}",
+            "Score, against what chance gives",
+            f"Score {judged.score:.0f}, threshold {judged.threshold:.0f}, largest of "
+            f"{len(judged.null)} by chance {judged.null.max():.0f}.",
+            null_histogram(judged.null, judged.threshold, judged.score),
+        ),
+        folds(
+            number,
+            judged.fold_names,
+            judged.held_out,
+            {run.source for run in diagnosis.training.runs},
+        ),
+        _held_out(diagnosis, f"force-{number}", channel % len(diagnosis.joints)),
+    )
+
+
+def _signature(
+    diagnosis: Diagnosis, key: str, effect: np.ndarray, channel: int, variable: Variable
+) -> Picture:
+    """The residual of a channel with an effect (n, c) and without, over what it depends on."""
+    evidence, j = diagnosis.training, channel % len(diagnosis.joints)
+    used, joint = evidence.used[:, channel], diagnosis.joints[j]
+    after = residual(evidence, diagnosis.after)[used, channel]
+    before = after + effect[used, channel]
+    unit, factor = _unit(diagnosis, variable, joint)
+    force, _ = _unit(diagnosis, "force", joint)
+    x = factor * on_rows(variable, evidence, j)[used]
+    forwards = on_rows("velocity", evidence, j)[used] >= 0.0
+    about = variable if variable in OF_NO_JOINT else f"{variable} of the {spoken(joint)}"
+    zone = list(Zone)[channel // len(diagnosis.joints)].value
+    thin = np.unique(np.linspace(0, len(x) - 1, min(CLOUD_POINTS, len(x))).astype(int))
+    order = thin[np.argsort(x[thin])]
+    data = [
+        points("before", BEFORE, "circle", x[order], before[order]),
+        points("after", AFTER, "x", x[order], after[order]),
+    ]
+    for name, dash, which in (("forwards", "solid", forwards), ("backwards", "dash", ~forwards)):
+        if which.any():
+            means = _means(x[which], (before - after)[which])
+            data.append(_trace(f"added, {name}", EFFECT, *means, dash=dash))
+    return Picture(
+        key,
+        f"The residual {zone} without this effect and with it, against the {about}. Lines: the "
+        "effect beside the model, forwards (solid) and backwards (dashed)",
+        _sizes(before, after, force),
+        description(
+            data, about + (f" [{unit}]" if unit else ""), f"τ − τ<sub>model</sub> [{force}]"
+        ),
+    )
+
+
+def folds(number: int, names: Sequence[str], gains: np.ndarray, recordings: set[str]) -> Picture:
+    """What an effect gains on training data that is left out of the fit in turn."""
+    whole = set(names) <= recordings
+    part = "training recording" if whole else "part of the training data"
+    ends = span(gains)
+    caption = [f"Does it help on each {part}, left out of the fit in turn?"]
+    if ends is not None:
+        beyond = np.flatnonzero((gains < ends[0]) | (gains > ends[1]))
+        far = [f"{i + 1} reaches {plain(gains[i])}" for i in beyond]
+        caption.append(f"The axis is cut: {listed(far)}.")
+    unknown = [str(i + 1) for i in np.flatnonzero(~np.isfinite(gains))]
+    if unknown:
+        caption.append(f"Not asked: {listed(unknown)}, without which it is not determined.")
+    told = [plain(gain) if np.isfinite(gain) else "not asked" for gain in gains]
+    return Picture(
+        f"folds-{number}",
+        " ".join(caption),
+        f"Gains: {', '.join(told)}.",
+        fold_bars(names, gains, f"{part} left out of the fit"),
+    )
+
+
+def _held_out(diagnosis: Diagnosis, key: str, j: int) -> Picture:
+    held_out = diagnosis.held_out
+    moving = held_out.used[:, j]
+    run = np.argmax(np.bincount(held_out.run, moving))  # in which the joint moves most
+    inside = held_out.run == run
+    time = held_out.time[inside]
+    middle = time[0] + (time[-1] - time[0]) / 2.0
+    if not moving[inside][np.abs(time - middle) <= WINDOW / 2.0].any() and moving[inside].any():
+        middle = float(np.median(time[moving[inside]]))
+    shown = np.flatnonzero(inside)[np.abs(time - middle) <= WINDOW / 2.0]
+    gone = np.where(held_out.used[shown, j], 0.0, np.nan)  # a gap where the joint turns
+    before, after = (
+        residual(held_out, model)[shown, j] + gone
+        for model in (diagnosis.before, diagnosis.gap.carried)
+    )
+    unit, _ = _unit(diagnosis, "force", diagnosis.joints[j])
+    data = [
+        _trace(name, colour, held_out.time[shown], values, 1.3, DASHES.get(colour, "solid"))
+        for name, colour, values in (("before", BEFORE, before), ("after", AFTER, after))
+    ]
+    return Picture(
+        key,
+        f"On a recording that took no part: {spoken(diagnosis.joints[j])}, measured less predicted "
+        "force",
+        _sizes(before, after, unit),
+        description(data, "t [s]", f"τ − τ<sub>model</sub> [{unit}]"),
+    )
+
+
+def _sizes(before: np.ndarray, after: np.ndarray, unit: str) -> str:
+    """Root mean squares in words."""
+    if not np.isfinite(before).any():
+        return "The joint rests there."
+    rms = (float(np.sqrt(np.mean(values[np.isfinite(values)] ** 2))) for values in (before, after))
+    return "Root mean square {} before, {} after.".format(*(f"{plain(one)} {unit}" for one in rms))
+
+
+def _unit(diagnosis: Diagnosis, variable: Variable, joint: str) -> tuple[str, float]:
+    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
+    return human(unit_of(variable, joint, setting, counts))
+
+
+def _beside(diagnosis: Diagnosis, finding: Finding) -> np.ndarray:
+    """The part of a finding (n, c) that neither the model nor the other findings explain."""
+    evidence, shaped = diagnosis.training, finding.judged.shaped
+    others = [
+        one.judged.shaped.columns for one in diagnosis.findings if one.judged.shaped is not shaped
+    ]
+    known = 0 if evidence.keeps else len(diagnosis.before.parameters)
+    rest = np.concatenate([evidence.base[:, :, :known], *others], axis=2)
+    effect = shaped.columns @ finding.added
+    weight = np.broadcast_to(1.0 / _rms_left(diagnosis), effect.shape)[evidence.used]
+    scaled, norms = normed(rest[evidence.used] * weight[:, np.newaxis])
+    values = np.linalg.lstsq(scaled, effect[evidence.used] * weight, rcond=1e-9)[0] / norms
+    return effect - rest @ values
+
+
+def _shown(diagnosis: Diagnosis, effect: np.ndarray) -> np.ndarray:
+    """Energy (c,) of an effect (n, c) in each channel, in units of the residual."""
+    evidence = diagnosis.training
+    return evidence.used.sum(axis=0) * (evidence.rms(effect) / _rms_left(diagnosis)) ** 2
+
+
+def _rms_left(diagnosis: Diagnosis) -> np.ndarray:
+    """Root mean square (c,) of the residual in each channel; never 0."""
+    evidence = diagnosis.training
+    left = evidence.rms(residual(evidence, diagnosis.after))
+    return np.maximum(left, np.finfo(float).tiny)
+
+
+# Charts.
+
+
+def description(data: Sequence[Mapping[str, Any]], x: str, y: str, **more: Any) -> dict[str, Any]:
+    """Traces over one pair of axes with these titles."""
+    legend = LEGEND_HEIGHT if len(data) > 1 else 0
+    title = {"text": y, "x": 0, "xref": "paper", "xanchor": "left", "xshift": -52, "y": 1}
+    title |= {"yref": "paper", "yanchor": "bottom", "yshift": 5, "showarrow": False}
+    layout: dict[str, Any] = {
+        "height": HEIGHT + legend,
+        "margin": {"l": 58, "r": 12, "t": 26, "b": 42 + legend},
+        "font": FONT,
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "showlegend": legend > 0,
+        "legend": {"orientation": "h", "itemsizing": "constant", "x": 0, "y": -0.28}
+        | {"yanchor": "top", "font": FONT},
+        "hoverlabel": {"font": {"family": "--sans", "size": 11}},
+        "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "--soft", "activecolor": "--ink"},
+        "xaxis": axis_style(title={"text": x, "standoff": 6, "font": FONT}),
+        "yaxis": axis_style(),
+        "annotations": [title | {"font": {"size": 12, "color": "--ink", "family": "--sans"}}],
+    }
+    for name, value in more.items():
+        layout[name] = layout[name] | value if name in layout else value
+    return {"data": list(data), "layout": layout}
+
+
+def grouped_bars(
+    names: Sequence[str], groups: Sequence[tuple[str, str, np.ndarray]], title: str
+) -> dict[str, Any]:
+    """Bars side by side for each name: groups of (label, colour, values) [percent or so]."""
+    pattern = {"fillmode": "overlay", "fgcolor": "--paper", "size": 6, "solidity": 0.25}
+    data = [
+        {
+            "type": "bar",
+            "name": label,
+            "x": list(names),
+            "y": numbers(values),
+            "marker": {
+                "color": colour,
+                "pattern": {"shape": PATTERNS.get(colour, ""), **pattern},
+            },
+            "hovertemplate": f"%{{x}}: %{{y:.3~r}}<extra>{label}</extra>",
+        }
+        for label, colour, values in groups
+    ]
+    return description(data, "", title, barmode="group", bargap=0.3)
+
+
+def points(name: str, colour: str, symbol: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    """A trace of small marks, without a line between them."""
+    trace = _trace(name, colour, x, y, mode="markers")
+    del trace["line"]
+    return trace | {"marker": {"symbol": symbol, "color": colour, "size": 4, "opacity": 0.55}}
+
+
+def null_histogram(null: np.ndarray, threshold: float, score: float) -> dict[str, Any]:
+    """The best score when nothing is missing, the threshold and the score of the effect."""
+    top = 1.3 * max(score, threshold)
+    edges = np.geomspace(max(float(null.min()), 1e-3), top, HISTOGRAM_BARS + 1)
+    counts = np.histogram(null, edges)[0] / len(null)
+    high = float(counts.max())
+    bars = {
+        "type": "bar",
+        "name": "nothing missing",
+        "x": numbers(np.sqrt(edges[1:] * edges[:-1])),
+        "y": numbers(counts),
+        "width": numbers(np.diff(edges)),
+        "marker": {"color": FLOOR},
+        "hovertemplate": "%{x:.3~r}<extra>nothing missing</extra>",
+    }
+    marks = [
+        _mark("threshold", "--ink", threshold, (high, high), "dot", "top center"),
+        _mark("this effect", AFTER, score, (high, 0.7 * high), "solid", "middle left"),
+    ]
+    titles = "score (2 Δ log likelihood)", "share of bootstrap runs"
+    return description([bars, *marks], *titles, xaxis={"type": "log"})
+
+
+def _mark(
+    name: str, colour: str, x: float, heights: tuple[float, float], dash: str, side: str
+) -> dict[str, Any]:
+    """An upright line: heights of its end and of its name, which stands on that side of it."""
+    line = _trace(name, colour, np.full(3, x), np.array([0.0, *heights]), 2, dash, "lines+text")
+    return line | {
+        "text": ["", "", name],
+        "textposition": side,
+        "textfont": {**FONT, "color": colour},
+        "cliponaxis": False,
+        "hovertemplate": f"%{{x:.4~r}}<extra>{name}</extra>",
+    }
+
+
+def span(values: np.ndarray) -> tuple[float, float] | None:
+    """Ends of an axis that single values far beyond the others do not stretch; None for all."""
+    finite = values[np.isfinite(values)]
+    reach = STRETCHING_MEDIANS * float(np.median(np.abs(finite))) if len(finite) else 0.0
+    if not reach or np.abs(finite).max() <= reach:
+        return None
+    inside = finite[np.abs(finite) <= reach]
+    cut = [reach * np.sign(value) for value in finite if abs(value) > reach]
+    return min(0.0, *inside, *cut), max(0.0, *inside, *cut)
+
+
+def fold_bars(names: Sequence[str], gains: np.ndarray, what: str) -> dict[str, Any]:
+    """What the effect gains on each fold; `what` these are."""
+    bars = {
+        "type": "bar",
+        "x": [str(number + 1) for number in range(len(names))],
+        "y": numbers(gains),
+        "customdata": list(names),
+        "marker": {"color": [AFTER if gain > 0 else BEFORE for gain in gains]},
+        "hovertemplate": "%{customdata}: %{y:.4~r}<extra></extra>",
+    }
+    ends = span(gains)
+    return description(
+        [bars],
+        what,
+        "gain (2 Δ log likelihood)",
+        xaxis={"type": "category"},
+        yaxis={} if ends is None else {"range": list(ends), "autorange": False},
+    )
+
+
+def numbers(values: np.ndarray) -> list[float | None]:
+    """Five significant digits; null where there is no number."""
+    return [float(f"{v:.5g}") if np.isfinite(v) else None for v in np.asarray(values, dtype=float)]
+
+
+def _trace(
+    name: str,
+    colour: str,
+    x: np.ndarray,
+    y: np.ndarray,
+    width: float = 2,
+    dash: str = "solid",
+    mode: str = "lines",
+) -> dict[str, Any]:
+    """A line or marks through points, as plotly.js has them."""
+    return {
+        "type": "scatter",
+        "mode": mode,
+        "name": name,
+        "x": numbers(x),
+        "y": numbers(y),
+        "line": {"color": colour, "width": width, "dash": dash},
+        "hovertemplate": f"%{{y:.4~r}}<extra>{name}</extra>",
+    }
+
+
+def _means(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centres of bins over x (n,), and the mean of y (n,) in each; empty bins are left out."""
+    edges = np.linspace(x.min(), x.max(), CLOUD_MEANS + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, CLOUD_MEANS - 1)
+    count = np.bincount(place, minlength=CLOUD_MEANS)
+    means = np.bincount(place, y, CLOUD_MEANS) / np.maximum(count, 1)
+    there = count > 0
+    return ((edges[1:] + edges[:-1]) / 2.0)[there], means[there]
