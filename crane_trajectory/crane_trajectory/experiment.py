@@ -336,7 +336,7 @@ class Experiment:
     def _proceed(self, tuning: Tuning, now: float) -> None:
         """To the next stage, if this one has done its work."""
         if self.stage is Stage.SETTLING:
-            # at most twice the position tolerance, where F_f crosses the dead zone in full
+            # at most twice the position tolerance, where F_f crosses the dead band in full
             near = 2.0 * tuning.gains.position_tolerance
             there = bool((np.abs(self.tracking_error) <= near).all())
             if (there and self._rested(now)) or now - self._entered > LONGEST_SETTLING:

@@ -30,7 +30,7 @@ from crane_nodes.parameters import MACHINE, NodeParameter, Number, Switch, Text,
 from crane_trajectory.control.choice import (
     MAY_LEARN,
     NAMES,
-    PD_DEAD_ZONE,
+    PD_DEAD_BAND,
     Learning,
     controller,
     in_words,
@@ -64,8 +64,8 @@ CONTROLLER_FILE = "controller.yaml"
 GAIN_MEANINGS = {  # unit with U for that of the joint, meaning
     "kp": ("1/U", "Command per position error"),
     "kd": ("s/U", "Command per velocity error"),
-    "dead_zone_positive": ("-", "F_f: command at which the valve opens upwards"),
-    "dead_zone_negative": ("-", "F_f: command at which the valve opens downwards"),
+    "dead_band_positive": ("-", "F_f: command at which the valve opens upwards"),
+    "dead_band_negative": ("-", "F_f: command at which the valve opens downwards"),
     "standstill_speed": ("U/s", "Speed below which its sign is not trusted"),
     "position_tolerance": ("U", "Error that a crane at rest is left with"),
 }
@@ -80,15 +80,15 @@ CONTROLLER = Text(
     "File of the gains, for each that is not given by itself; empty: controller.yaml of the "
     "machine. At configure",
 )  # fmt: skip
-LAW = Text("law", PD_DEAD_ZONE, f"How the crane is controlled: {', '.join(NAMES)}. At configure")
+LAW = Text("law", PD_DEAD_BAND, f"How the crane is controlled: {', '.join(NAMES)}. At configure")
 MODEL = Text(
     "model", "",
     "Model file with the identified hydraulics of the machine, for every law but "
-    f"{PD_DEAD_ZONE}. At configure",
+    f"{PD_DEAD_BAND}. At configure",
 )  # fmt: skip
 FEEDBACK_SCALE = Number(
     "feedback_scale", 1.0, "-", 0.05, 2.0,
-    f"Of the gains of every law but {PD_DEAD_ZONE}; tune says what the crane tolerates. "
+    f"Of the gains of every law but {PD_DEAD_BAND}; tune says what the crane tolerates. "
     "At configure",
 )  # fmt: skip
 LEARNING = Switch(
@@ -99,7 +99,7 @@ LEARNING = Switch(
 LARGEST_TIP_LOAD = Number(
     "largest_tip_load", 0.0, "kg", 0.0, 1e5,
     "Heaviest load of tip_load, as payload_estimator tells it, that every law but "
-    f"{PD_DEAD_ZONE} controls the crane with; 0: tip_load is not listened to. At configure",
+    f"{PD_DEAD_BAND} controls the crane with; 0: tip_load is not listened to. At configure",
 )  # fmt: skip
 LEARNT_OUTPUT = Text(
     "learnt_output", "learnt_model.yaml", "Model file that ~/save_learnt writes, replacing it"
@@ -437,7 +437,7 @@ class Leading:
         self._load: FedLoad | None = None  # where tip_load is to be used
         self._learnt: Learning | None = None
         self._of: PeriodicTrajectory | None = None  # which `_learnt` has learnt
-        self.law = PD_DEAD_ZONE
+        self.law = PD_DEAD_BAND
         self.controller: Controller | None = None  # (36) with gains that may change
 
     def configure(self, machine: Machine, gains: GainArrays) -> None:
@@ -456,7 +456,7 @@ class Leading:
                 "is of no use to it; use another law, or leave it 0"
             )
         self._load = FedLoad(heaviest) if heaviest else None
-        self.controller = None if self.law == PD_DEAD_ZONE else made
+        self.controller = None if self.law == PD_DEAD_BAND else made
         self._of = self._learnt = None
         limits = [machine.limits[joint] for joint in self._joints]
         middle = np.array([(limit.position_min + limit.position_max) / 2.0 for limit in limits])
@@ -492,7 +492,7 @@ class Leading:
         led = led_by_model(self.controller)
         if led is None or not led.adaptive or self._model is None:
             raise ConfigurationError(
-                f"nothing to save: law {self.law} learns no dead zones and gains, adaptive_flow "
+                f"nothing to save: law {self.law} learns no dead bands and gains, adaptive_flow "
                 "does"
             )
         assert self._model.hydraulics is not None  # `controller` saw to it

@@ -14,7 +14,7 @@ from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import progress_bar
-from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
+from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND, controller
 from crane_trajectory.control.controller import (
     ControlCondition,
     Controller,
@@ -188,7 +188,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--model", type=Path, required=True, help="model file with identified hydraulics"
     )
     parser.add_argument(
-        "--law", choices=NAMES, default=PD_DEAD_ZONE, help="as of the trajectory node"
+        "--law", choices=NAMES, default=PD_DEAD_BAND, help="as of the trajectory node"
     )
     parser.add_argument(
         "--feedback-scale",
@@ -278,7 +278,7 @@ def _least(value: float, steps: Sequence[float]) -> str:
 
 
 def _advice(options: TuneRequest, bad: dict[str, JointMargins], kp: dict[str, float]) -> str:
-    if options.law == PD_DEAD_ZONE:
+    if options.law == PD_DEAD_BAND:
         changes = (
             f"kp of {joint} to {margin.advised * kp[joint]:.3g}" for joint, margin in bad.items()
         )

@@ -92,5 +92,5 @@ def other_laws(
     machine = stock()
     oil = machine.simulated.oil.model_copy(update={"laminar_drop": laminar})
     machine = machine._replace(simulated=machine.simulated.model_copy(update={"oil": oil}))
-    machine = machine.hiding("valve_dead_zone", [band, 0.5 * band])
+    machine = machine.hiding("valve_dead_band", [band, 0.5 * band])
     return machine.hiding("internal_leakage", [leak]).hiding("air_in_oil", [air])

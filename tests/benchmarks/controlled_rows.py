@@ -14,8 +14,8 @@ from crane_identification.identify import main as identify
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import write_bag
-from crane_trajectory.control.choice import OF_THE_MODEL, PD_DEAD_ZONE, SideBySide
-from crane_trajectory.control.controller import Controller, PdDeadZone, load_gains
+from crane_trajectory.control.choice import OF_THE_MODEL, PD_DEAD_BAND, SideBySide
+from crane_trajectory.control.controller import Controller, PdDeadBand, load_gains
 from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
 from crane_trajectory.control.valves_and_oil import ValvesAndOil, identified
 from crane_trajectory.motion.check import load_clearance
@@ -25,7 +25,7 @@ from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 Measured = Callable[..., None]
 FLOW, PRESSURES, ADAPTIVE, FORCE = OF_THE_MODEL
 RECOMMENDED = (FLOW, PRESSURES, ADAPTIVE)
-SHOWN = {PD_DEAD_ZONE: "(36)"}
+SHOWN = {PD_DEAD_BAND: "(36)"}
 FIXED = {"sense", "area_a", "area_b", "length_min", "length_max", "play",
          "supply_pressure", "tank_pressure"}  # fmt: skip
 """What a data sheet or a gauge tells, and what is known well or not at all."""
@@ -69,7 +69,7 @@ def identify_from_bags(machine: Controlled, *motions: Motion, average: bool = Tr
         out, bags = Path(folder, "identified"), []
         for number, to in enumerate(motions):
             bags.append(Path(folder, f"bag_{number}"))
-            recording = drive(to, machine, pd_dead_zone(machine)).recording
+            recording = drive(to, machine, pd_dead_band(machine)).recording
             write_bag(bags[-1], machine.machine, recording)
         model = machine_file("model.yaml", machine.name)
         train = ["--train", *map(str, bags), "--trust-recordings"]
@@ -81,16 +81,16 @@ def identify_from_bags(machine: Controlled, *motions: Motion, average: bool = Tr
     return Known(found, identified(machine.machine, found.hydraulics, joints), joints)
 
 
-def pd_dead_zone(machine: Controlled) -> PdDeadZone:
+def pd_dead_band(machine: Controlled) -> PdDeadBand:
     """(36)."""
     gains = load_gains(machine_file("controller.yaml", machine.name), machine.machine)
-    return PdDeadZone(gains.arrays)
+    return PdDeadBand(gains.arrays)
 
 
 def controller(law: str, machine: Controlled, known: Known, scale: float = 1.0) -> Controller:
     """One of `choice`, its gains times `scale`."""
-    rest = pd_dead_zone(machine)
-    if law == PD_DEAD_ZONE:
+    rest = pd_dead_band(machine)
+    if law == PD_DEAD_BAND:
         return rest
     gains = feedback_gains(machine.machine, known.model, scale, known.joints)
     led = FlowFeedforward(
@@ -128,7 +128,7 @@ def run(
 ) -> Run:  # fmt: skip
     """A run by a law that nothing has stopped."""
     done = drive(to or motion(), machine, controller(law, machine, known, scale), **more)
-    assert law == PD_DEAD_ZONE or not done.worst.stops, done.worst.text
+    assert law == PD_DEAD_BAND or not done.worst.stops, done.worst.text
     return done
 
 

@@ -31,12 +31,12 @@ from benchmarks.controlled_rows import (
 
 from crane_model.machine_files import machine_file
 from crane_sim.plant.closed_loop import REST_S, LatePlant
-from crane_trajectory.control.choice import MAY_LEARN, OF_THE_MODEL, PD_DEAD_ZONE, learning
+from crane_trajectory.control.choice import MAY_LEARN, OF_THE_MODEL, PD_DEAD_BAND, learning
 from crane_trajectory.control.controller import ControlCondition, Point, SensorReading, Wanted
 from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries, load_trajectory
 
 CRANE: Controlled = stock()
-BESIDE_36 = (PD_DEAD_ZONE, *RECOMMENDED)
+BESIDE_36 = (PD_DEAD_BAND, *RECOMMENDED)
 DRAWS = 10
 SLOWEST = 10e-3  # s, largest error over largest speed
 MS = 1e-3
@@ -62,11 +62,11 @@ def test_tracks_what_it_has_not_seen(measured: Measured) -> None:
 
 
 def tracks(measured: Measured, name: str) -> None:
-    found = scores((PD_DEAD_ZONE, *OF_THE_MODEL), CRANE, of_stock(), motion(name))
+    found = scores((PD_DEAD_BAND, *OF_THE_MODEL), CRANE, of_stock(), motion(name))
     row(measured, f"{name}, RMS", "0.4/0.6/0.4 and 40/60/20 times better than (36)", rms(found))
     times = {law: [score.time[BOOMS].max() / MS] for law, score in found.items()}
     row(measured, f"{name}, largest error over largest speed [ms]", f"{SLOWEST / MS:.0f}", times)
-    before = found[PD_DEAD_ZONE]
+    before = found[PD_DEAD_BAND]
     for law in RECOMMENDED:
         below(found[law], 0.4, 0.6, 0.4)
         assert (better(before, found[law]) >= (40.0, 60.0, 20.0)).all()
@@ -75,7 +75,7 @@ def tracks(measured: Measured, name: str) -> None:
 
 
 def test_load_that_is_not_announced(measured: Measured) -> None:
-    found = scores((PD_DEAD_ZONE, *OF_THE_MODEL), loaded(100.0), of_stock())
+    found = scores((PD_DEAD_BAND, *OF_THE_MODEL), loaded(100.0), of_stock())
     target = "1/1/0.5, without transducers 2/6/0.6"
     row(measured, "100 kg more in the gripper, RMS", target, rms(found))
     below(found[FLOW], 2.0, 6.0, 0.6)
@@ -131,7 +131,7 @@ def test_gentle_motion(measured: Measured) -> None:
     row(measured, f"{what}, ripple of the speed [mrad/s, mm/s]", "less than (36)", ripple)
     valve = {law: score.valve[BOOMS] for law, score in found.items()}
     row(measured, f"{what}, way of the valve [1/s]", "less than (36)", valve)
-    before = found[PD_DEAD_ZONE]
+    before = found[PD_DEAD_BAND]
     for law in RECOMMENDED:
         assert better(before, found[law]).min() >= 10.0
         assert (found[law].ripple < before.ripple)[BOOMS].all()
@@ -148,7 +148,7 @@ def test_slew(measured: Measured) -> None:
     slewing = FourierTrajectory(name="slew", period=20.0, joints=joints)
     bags = motion(periods=3), planned(slewing, CRANE, 3)
     known = identify_from_bags(CRANE, *bags, average=False)
-    found = scores((PD_DEAD_ZONE, FLOW), CRANE, known, planned(slewing, CRANE, 2))
+    found = scores((PD_DEAD_BAND, FLOW), CRANE, known, planned(slewing, CRANE, 2))
     before, after = found.values()
     row(measured, "slew moves 0.6 rad in 20 s, RMS [mrad]", "5 times better than (36)",
         {law: score.rms[slew] for law, score in found.items()})  # fmt: skip

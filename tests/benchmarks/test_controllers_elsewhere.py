@@ -20,7 +20,7 @@ from benchmarks.controlled_rows import (
     scores,
 )
 
-from crane_trajectory.control.choice import PD_DEAD_ZONE
+from crane_trajectory.control.choice import PD_DEAD_BAND
 
 HARD = {
     "dynamic friction, valves of 12 Hz, 1 % hysteresis, gains unequal by 10 %": lambda: hard(
@@ -38,10 +38,10 @@ EXCAVATOR = "excavator"
 def test_hard_machines(name: str, measured: Measured) -> None:
     machine = HARD[name]()
     known = identify_from_bags(machine, motion(periods=3))
-    found = scores((PD_DEAD_ZONE, *RECOMMENDED), machine, known)
+    found = scores((PD_DEAD_BAND, *RECOMMENDED), machine, known)
     row(measured, f"{name}, RMS", "0.5/0.7/0.5, with transducers 20 times better than (36)",
         rms(found))  # fmt: skip
-    before = found[PD_DEAD_ZONE].rms[BOOMS]
+    before = found[PD_DEAD_BAND].rms[BOOMS]
     for law in RECOMMENDED:
         assert (found[law].rms[BOOMS] <= (0.5, 0.7, 0.5)).all(), law
     for law in (PRESSURES, ADAPTIVE):
@@ -56,20 +56,20 @@ def test_hard_machines(name: str, measured: Measured) -> None:
 def test_flow_by_other_laws(measured: Measured) -> None:
     machine = other_laws()
     known = identify_from_bags(machine, motion(periods=3))
-    found = scores((PD_DEAD_ZONE, *RECOMMENDED), machine, known)
+    found = scores((PD_DEAD_BAND, *RECOMMENDED), machine, known)
     row(measured, "flow by other laws, RMS", "20 times better than (36)", rms(found))
     for law in RECOMMENDED:
-        assert (found[PD_DEAD_ZONE].rms / found[law].rms)[BOOMS].min() >= 20.0, law
+        assert (found[PD_DEAD_BAND].rms / found[law].rms)[BOOMS].min() >= 20.0, law
 
 
 def test_excavator(measured: Measured) -> None:
     machine = stock(EXCAVATOR)
     known = identify_from_bags(machine, motion(periods=3, machine=EXCAVATOR))
     assert known.joints == machine.joints
-    found = scores((PD_DEAD_ZONE, *RECOMMENDED), machine, known, motion(machine=EXCAVATOR))
+    found = scores((PD_DEAD_BAND, *RECOMMENDED), machine, known, motion(machine=EXCAVATOR))
     row(measured, "excavator: swing, boom, stick, bucket, RMS",
         "20 times better than (36), without transducers 15",
         {law: score.rms for law, score in found.items()})  # fmt: skip
     for law in RECOMMENDED:
         least = 20.0 if law in (PRESSURES, ADAPTIVE) else 15.0
-        assert (found[PD_DEAD_ZONE].rms / found[law].rms >= least).all(), law
+        assert (found[PD_DEAD_BAND].rms / found[law].rms >= least).all(), law

@@ -36,7 +36,7 @@ CODE = (crane_identification.hydraulics, crane_model.hydraulics, crane_sim)
 """What an experiment depends on, above all."""
 CONFIDENCE = 1.959964  # standard deviations either side of a 95 % interval
 KINDS = {
-    "dead zones": ("dead_zone_a", "dead_zone_b"),
+    "dead bands": ("dead_band_a", "dead_band_b"),
     "flow gains": ("supply_a", "a_tank", "supply_b", "b_tank"),
     "bulk modulus": ("bulk_modulus",),
     "dead volumes": ("dead_volume_a", "dead_volume_b"),

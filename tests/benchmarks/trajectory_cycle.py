@@ -83,7 +83,7 @@ def main() -> None:
         "joint state to arrays": lambda _: sample(state, JOINTS),
         "message of the reference": lambda _: reference_message(target, stamp, JOINTS),
         "message of the command": lambda _: command_message(rest, stamp, JOINTS),
-        "experiment, pd_dead_zone": led(None),
+        "experiment, pd_dead_band": led(None),
         "experiment, flow_feedforward": led(controller("flow_feedforward", MACHINE, GAINS, model)),
     }
     print(f"a million i * i: {1e3 * loop:.0f} ms; {CYCLES} cycles")

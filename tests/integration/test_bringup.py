@@ -184,7 +184,7 @@ def test_dead_band(wired: Workshop, measured: Callable[..., None]) -> None:
     for joint, one in dead_bands(run).items():
         valve = VALVES[joint]
         for direction, found in ((1, one.positive), (-1, one.negative)):
-            true = valve["dead_zone"] + direction * valve["null_bias"]
+            true = valve["dead_band"] + direction * valve["null_bias"]
             errors.append(abs(found.dead_band - true))
             assert found.dead_band == pytest.approx(true, abs=0.003)
         assert wired.still(joint) == pytest.approx(before[joint], abs=0.01)
@@ -208,11 +208,11 @@ def test_identify_takes_the_valve_of_the_slew_from_its_ramps(
     assert set(found.joints) == set(JOINTS)
     valve, true = found.joints["slew"].valve, load_simulated_crane().valves["slew"]
     gain = true.rated_flow / math.sqrt(true.rated_drop)
-    for dead_zone, edge in (
-        (valve.dead_zone_a, valve.supply_a),
-        (valve.dead_zone_b, valve.supply_b),
+    for dead_band, edge in (
+        (valve.dead_band_a, valve.supply_a),
+        (valve.dead_band_b, valve.supply_b),
     ):
-        assert dead_zone.value == pytest.approx(true.dead_zone, abs=0.003)
+        assert dead_band.value == pytest.approx(true.dead_band, abs=0.003)
         assert edge.value == pytest.approx(gain, rel=0.1)  # ramps take friction for no load
 
 

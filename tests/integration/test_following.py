@@ -23,7 +23,7 @@ FALLEN_BACK = "pressures lost: using the load of the model"
 BEGUN = 6.0  # s of the goal
 CYCLE = 0.005  # s
 GIVEN = 2e-3  # rad, tolerance: half a tenth of it is two counts, which a crane at rest may creep
-LARGEST_STEP = 0.25  # of the command from cycle to cycle: across both dead zones
+LARGEST_STEP = 0.25  # of the command from cycle to cycle: across both dead bands
 
 
 @pytest.fixture(scope="module")

@@ -137,7 +137,7 @@ def test_a_law_and_its_model_belong_together(
 ) -> None:
     with pytest.raises(SystemExit):
         make_bag(["--trajectory", "a", "--periods", "1", "--out", str(tmp_path / "b"), *words])
-    assert "every law but pd_dead_zone needs a model" in capsys.readouterr().err
+    assert "every law but pd_dead_band needs a model" in capsys.readouterr().err
 
 
 def _errors(topics: dict[str, TopicData]) -> np.ndarray:

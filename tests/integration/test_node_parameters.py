@@ -180,7 +180,7 @@ def test_all_gains_may_be_given_as_a_dump_of_the_parameters_gives_them(
     [
         ({"kp": -1.0}, "slew.kp"),
         ({"kp": 2000.0, "position_tolerance": 1e-6}, "key 'slew.kp': must be at most 1000"),
-        ({"kp": 100.0}, "kp times position_tolerance is 0.5, more than dead_zone_positive"),
+        ({"kp": 100.0}, "kp times position_tolerance is 0.5, more than dead_band_positive"),
         (None, "no such file"),
     ],
 )

@@ -93,7 +93,7 @@ def test_its_crane_follows_by_what_one_bag_behind_a_bus_told(printed, out):
         for trajectory in ("excitation_20s", "validation_20s"):
             key = f"{trajectory}_flow_and_pressures_{joint}"
             assert found.value(key) < far
-            before = found.value(f"{trajectory}_pd_dead_zone_{joint}")
+            before = found.value(f"{trajectory}_pd_dead_band_{joint}")
             assert before / found.value(key) == pytest.approx(found.value(f"{key}_better"))
         assert found.value(f"ahead_5_{joint}") < 0.005
     hydraulics = out / "following" / "identified" / "model.yaml"

@@ -169,7 +169,7 @@ def test_parameters_change_while_the_crane_moves_where_that_is_safe(crane: Exper
     assert crane.set("gains.outer_boom.kp", 5.0) == (True, "")
     for name, value, reason in (
         ("gains.outer_boom.kp", -1.0, "gains.outer_boom.kp out of range Min: 1e-06, Max: 1000.0"),
-        ("gains.outer_boom.kp", 100.0, "kp times position_tolerance is 0.4, more than dead_zone"),
+        ("gains.outer_boom.kp", 100.0, "kp times position_tolerance is 0.4, more than dead_band"),
         ("saturation", 2.0, "saturation out of range Min: 0.01, Max: 1.0, value: 2.0"),
         ("clearance", "x.yaml", "parameter 'clearance' is read when the node is configured"),
         ("machine", "x.yaml", "read-only parameter: machine"),

@@ -39,8 +39,8 @@ WIRING = {  # (sign, zero) of encoders, sign of valves
 }
 OFFSETS = {"inner_boom.a": 2.5e5, "outer_boom.b": 1.2e5, "tank": 0.8e5}  # Pa
 VALVES = {  # dead bands +0.085 and -0.055; +0.06 and -0.10
-    "inner_boom": {"dead_zone": 0.07, "null_bias": 0.015},
-    "outer_boom": {"dead_zone": 0.08, "null_bias": -0.02},
+    "inner_boom": {"dead_band": 0.07, "null_bias": 0.015},
+    "outer_boom": {"dead_band": 0.08, "null_bias": -0.02},
 }
 
 

@@ -35,7 +35,7 @@ from crane_model.terms import Effect
 # What is usual of valves and oil: the machine's own values where they are known, else a file's.
 
 IDENTIFIED_SIGMAS = 4.0  # standard deviations of an own value that are no change of it
-SAME_COMMAND = 1e-3  # [-1..1] by which dead zones and play that are the same may differ
+SAME_COMMAND = 1e-3  # [-1..1] by which dead bands and play that are the same may differ
 SAME_ASYMMETRY = 5e-3  # of the gains
 SAME_LEAKAGE = 1e-14  # m3/(s Pa)
 SAME_OIL = 0.1  # of the bulk modulus, which a little air or warmth changes as much
@@ -44,7 +44,7 @@ SAME_OIL = 0.1  # of the bulk modulus, which a little air or warmth changes as m
 class Usual(Schema):
     """What is usual of valves and oil; `hydraulics.yaml` says what each is."""
 
-    dead_zone: dict[str, Positive]
+    dead_band: dict[str, Positive]
     hysteresis: Positive
     asymmetry: Positive
     leakage: Positive | dict[str, Positive]
@@ -53,10 +53,10 @@ class Usual(Schema):
     @model_validator(mode="after")
     def _of_the_same_joints(self) -> Self:
         match self.leakage:
-            case dict() as each if each.keys() != self.dead_zone.keys():
+            case dict() as each if each.keys() != self.dead_band.keys():
                 raise ValueError(
-                    f"leakage is given of {', '.join(each)}, dead_zone of "
-                    f"{', '.join(self.dead_zone)}; give both of the same joints, or one leakage "
+                    f"leakage is given of {', '.join(each)}, dead_band of "
+                    f"{', '.join(self.dead_band)}; give both of the same joints, or one leakage "
                     "for all"
                 )
         return self
@@ -72,12 +72,12 @@ class Usual(Schema):
 
 @dataclass(frozen=True)
 class JointUsual:
-    """What is usual of one joint, by limits: of dead zones towards chambers A and B, hysteresis and
+    """What is usual of one joint, by limits: of dead bands towards chambers A and B, hysteresis and
     leakage the highest, of the bulk modulus the lowest, of the asymmetry both. Those whose names
     are in `own` are about the machine's identified values.
     """
 
-    dead_zones: tuple[float, float]
+    dead_bands: tuple[float, float]
     hysteresis: float
     asymmetry: tuple[float, float]
     leakage: float
@@ -86,17 +86,17 @@ class JointUsual:
 
 
 def usual_of(joint: str, usual: Usual, hydraulics: HydraulicValues | None) -> JointUsual:
-    """By the joint's own values as far as they are determined; `DataError` if no dead zone is."""
+    """By the joint's own values as far as they are determined; `DataError` if no dead band is."""
     known = hydraulics.joints.get(joint) if hydraulics else None
     own = _own(known) if known and known.chambers else {}
-    if joint not in usual.dead_zone and "dead_zones" not in own:
+    if joint not in usual.dead_band and "dead_bands" not in own:
         raise DataError(
             f"flow of '{joint}': what is usual of its valve is not known; identify its hydraulics, "
-            "or add its dead_zone"
+            "or add its dead_band"
         )
-    dead_zone = usual.dead_zone.get(joint, np.inf)
+    dead_band = usual.dead_band.get(joint, np.inf)
     sheet = JointUsual(
-        dead_zones=(dead_zone, dead_zone),
+        dead_bands=(dead_band, dead_band),
         hysteresis=usual.hysteresis,
         asymmetry=(-usual.asymmetry, usual.asymmetry),
         leakage=usual.leakage_of(joint),
@@ -113,20 +113,20 @@ def _own(known: JointHydraulics) -> dict[str, Any]:
         one = values[name]
         return one.value + same + IDENTIFIED_SIGMAS * (one.std_dev or 0.0)
 
-    d_a, d_b = values["dead_zone_a"].value, values["dead_zone_b"].value
+    d_a, d_b = values["dead_band_a"].value, values["dead_band_b"].value
     strokes = 1.0 - np.array([d_a, d_b, d_b, d_a])  # of EDGES, to fully open
     centre = asymmetry(np.array([values[edge].value for edge in EDGES]) / strokes)
     oil = values["bulk_modulus"]
     limits = {
-        "dead_zones": (beyond("dead_zone_a", SAME_COMMAND), beyond("dead_zone_b", SAME_COMMAND)),
+        "dead_bands": (beyond("dead_band_a", SAME_COMMAND), beyond("dead_band_b", SAME_COMMAND)),
         "hysteresis": beyond("hysteresis", SAME_COMMAND),
         "asymmetry": (centre - SAME_ASYMMETRY, centre + SAME_ASYMMETRY),
         "leakage": beyond("leakage", SAME_LEAKAGE),
         "bulk_modulus": (1.0 - SAME_OIL) * oil.value - IDENTIFIED_SIGMAS * (oil.std_dev or 0.0),
     }
     parts = {
-        "dead_zones": {"dead_zone_a", "dead_zone_b"},
-        "asymmetry": {*EDGES, "dead_zone_a", "dead_zone_b"},
+        "dead_bands": {"dead_band_a", "dead_band_b"},
+        "asymmetry": {*EDGES, "dead_band_a", "dead_band_b"},
     }
     unknown = set(known.undetermined)
     return {name: one for name, one in limits.items() if not parts.get(name, {name}) & unknown}
@@ -269,7 +269,7 @@ class Flows:
 # Quantities of valve and oil of a joint, each beside the best balance in which it is as usual.
 
 EFFECTS = {
-    "dead_zones": "valve_dead_zone",
+    "dead_bands": "valve_dead_band",
     "hysteresis": "valve_hysteresis",
     "asymmetry": "valve_asymmetry",
     "leakage": "internal_leakage",
@@ -293,19 +293,19 @@ class Quantities:
         """In the order of EFFECTS."""
         usual = self._usual
         return (
-            self._dead_zone(),
+            self._dead_band(),
             self._of_column("hysteresis", PLAY, self._balance.spool.play, usual.hysteresis),
             self._asymmetry(),
             self._of_column("leakage", LEAK, 1.0, usual.leakage),
             self._of_column("bulk_modulus", SOFT, 1.0, 1.0 / usual.bulk_modulus),
         )
 
-    def _dead_zone(self) -> Quantity:
+    def _dead_band(self) -> Quantity:
         """Of the direction in which it is wider than usual, or nearer to that."""
         balance = self._balance
-        limits, zones = self._usual.dead_zones, balance.spool.dead_zones
+        limits, zones = self._usual.dead_bands, balance.spool.dead_bands
         a, b = (min(zone, limit) for zone, limit in zip(zones, limits, strict=True))
-        usual = balance.spool._replace(dead_zones=(a, b))
+        usual = balance.spool._replace(dead_bands=(a, b))
         beyond = [zone - limit for zone, limit in zip(zones, limits, strict=True)]
         fixed = [part for part, excess in zip(ZONES, beyond, strict=True) if excess > 0.0]
 
@@ -314,7 +314,7 @@ class Quantities:
 
         k = int(np.argmax(beyond))
         std_dev = balance.std_dev(balance.unit(ZONES[k]))
-        return self._judged("dead_zones", zones[k], std_dev, limits[k], tied)
+        return self._judged("dead_bands", zones[k], std_dev, limits[k], tied)
 
     def _asymmetry(self) -> Quantity:
         (lowest, highest), values = self._usual.asymmetry, self._balance.fitted.values

@@ -97,14 +97,14 @@ class FlowRows:
             lambda run: worn_columns(run.record, self.machine, self.joint, wear_range)
         )
 
-    def edges(self, dead_zones: tuple[float, float], play: float = 0.0) -> np.ndarray:
+    def edges(self, dead_bands: tuple[float, float], play: float = 0.0) -> np.ndarray:
         """(N, 4) flow through each metering edge for K = 1."""
-        valve = self._valve(dead_zones, play)
+        valve = self._valve(dead_bands, play)
         return self._edge_rows(lambda part: valve.flows(part.metered))
 
-    def edges_and_rates(self, dead_zones: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    def edges_and_rates(self, dead_bands: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         """The same without play, and its rate, which is what a delay takes away: (N, 4) each."""
-        valve = self._valve(dead_zones, 0.0)
+        valve = self._valve(dead_bands, 0.0)
 
         def columns(part: _Part) -> np.ndarray:
             flow = valve.flows(part.metered)
@@ -113,9 +113,9 @@ class FlowRows:
         flow, rate = np.split(self._edge_rows(columns), 2, axis=1)
         return flow, rate
 
-    def _valve(self, dead_zones: tuple[float, float], play: float) -> Valve:
-        a, b = dead_zones
-        return Valve(joint=self.joint, dead_zone_a=a, dead_zone_b=b, play=play)
+    def _valve(self, dead_bands: tuple[float, float], play: float) -> Valve:
+        a, b = dead_bands
+        return Valve(joint=self.joint, dead_band_a=a, dead_band_b=b, play=play)
 
     def _signal(self, record: Record, name: str) -> np.ndarray:
         values = record.needed(name, f"flow of '{self.joint}'")
@@ -188,12 +188,12 @@ def _duration(record: Record) -> float:
 
 # The balance of flow of one joint: its columns, their least squares, and the proof of both.
 
-WIDEST_DEAD_ZONE = 0.3
+WIDEST_DEAD_BAND = 0.3
 WIDEST_PLAY = 0.2
-DEAD_ZONE_STEP = 0.005  # of a dead zone, for its derivative
-REFINING_STEPS, DEAD_ZONE_ACCURACY = 10, 1e-5  # Gauss-Newton to the dead zones
+DEAD_BAND_STEP = 0.005  # of a dead band, for its derivative
+REFINING_STEPS, DEAD_BAND_ACCURACY = 10, 1e-5  # Gauss-Newton to the dead bands
 LEAK, SOFT, PLAY, ZONES, COLUMNS = 4, 5, 8, (9, 10), 11
-"""Columns of the balance: edges (4), leakage, oil (2), delay, play, the two dead zones."""
+"""Columns of the balance: edges (4), leakage, oil (2), delay, play, the two dead bands."""
 UNDETERMINED_SHARE = 1e-10  # of the largest eigenvalue: what is below is not determined
 
 
@@ -212,58 +212,58 @@ class FlowSolution(NamedTuple):
 
 
 class Spool(NamedTuple):
-    """What the balance is not linear in: dead zones of the two directions, play; and the gains of
-    the edges that a delay, play and a change of the dead zones are weighed with.
+    """What the balance is not linear in: dead bands of the two directions, play; and the gains of
+    the edges that a delay, play and a change of the dead bands are weighed with.
     """
 
-    dead_zones: tuple[float, float]
+    dead_bands: tuple[float, float]
     play: float
     gains: np.ndarray
 
     def columns(self, rows: FlowRows) -> np.ndarray:
-        """The columns (N, COLUMNS) of the balance, linear about these dead zones and play."""
-        a, b = self.dead_zones
+        """The columns (N, COLUMNS) of the balance, linear about these dead bands and play."""
+        a, b = self.dead_bands
         edges, rates = rows.edges_and_rates((a, b))
 
-        def change(dead_zones: tuple[float, float], play: float = 0.0) -> np.ndarray:
-            return (rows.edges(dead_zones, play) - edges) @ self.gains
+        def change(dead_bands: tuple[float, float], play: float = 0.0) -> np.ndarray:
+            return (rows.edges(dead_bands, play) - edges) @ self.gains
 
         beside = (
             rates @ self.gains,
             change((a, b), self.play),
-            change((a + DEAD_ZONE_STEP, b)) / DEAD_ZONE_STEP,
-            change((a, b + DEAD_ZONE_STEP)) / DEAD_ZONE_STEP,
+            change((a + DEAD_BAND_STEP, b)) / DEAD_BAND_STEP,
+            change((a, b + DEAD_BAND_STEP)) / DEAD_BAND_STEP,
         )
         return np.column_stack([edges, rows.leak_and_oil, *beside])
 
 
 def searched(rows: FlowRows) -> Spool:
-    """Dead zones and play with which least is left: one dead zone first, then each way its own."""
+    """Dead bands and play with which least is left: one dead band first, then each way its own."""
 
     def common(x: float) -> FlowSolution:
         parts = (*rows.edges_and_rates((x, x)), rows.leak_and_oil)
         return solved(np.concatenate(parts, axis=1), rows.flow)
 
-    x = _lowest(lambda x: common(x).rest, WIDEST_DEAD_ZONE)
+    x = _lowest(lambda x: common(x).rest, WIDEST_DEAD_BAND)
     spool = Spool((x, x), 0.0, common(x).values[: len(EDGES)])
     spool = _refined(rows, spool)
-    stiff, edges = spool.columns(rows), rows.edges(spool.dead_zones)
+    stiff, edges = spool.columns(rows), rows.edges(spool.dead_bands)
 
     def left(play: float) -> float:
-        stiff[:, PLAY] = (rows.edges(spool.dead_zones, play) - edges) @ spool.gains
+        stiff[:, PLAY] = (rows.edges(spool.dead_bands, play) - edges) @ spool.gains
         return solved(stiff, rows.flow).rest
 
     return _refined(rows, spool._replace(play=_lowest(left, WIDEST_PLAY)))
 
 
 def _refined(rows: FlowRows, spool: Spool) -> Spool:
-    """With the dead zones and gains of least squares, by Gauss-Newton."""
+    """With the dead bands and gains of least squares, by Gauss-Newton."""
     for _ in range(REFINING_STEPS):
         values = solved(spool.columns(rows), rows.flow).values
         change = values[list(ZONES)]
-        a, b = np.clip(spool.dead_zones + change, 0.0, WIDEST_DEAD_ZONE).tolist()
-        spool = spool._replace(dead_zones=(a, b), gains=values[: len(EDGES)])
-        if np.abs(change).max() < DEAD_ZONE_ACCURACY:
+        a, b = np.clip(spool.dead_bands + change, 0.0, WIDEST_DEAD_BAND).tolist()
+        spool = spool._replace(dead_bands=(a, b), gains=values[: len(EDGES)])
+        if np.abs(change).max() < DEAD_BAND_ACCURACY:
             break
     return spool
 

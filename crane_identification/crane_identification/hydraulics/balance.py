@@ -219,8 +219,8 @@ class SpoolValues(NamedTuple):
 
     lag: float  # s
     share: float
-    dead_zone_a: float
-    dead_zone_b: float
+    dead_band_a: float
+    dead_band_b: float
     play: float
 
     @property
@@ -255,7 +255,7 @@ class PassageRows:
         """(FINE (n - 1) + 1,) o of `crane_model.hydraulics.stepping`, FINE a sample."""
         stamps, commands = self.passage.stamps + spool.delay, self.passage.commands
         y = spool_course(stamps, commands, self._fine, spool.frequency, DAMPING_RATIO)
-        return openings(trailing(y, spool.play), spool.dead_zone_a, spool.dead_zone_b)
+        return openings(trailing(y, spool.play), spool.dead_band_a, spool.dead_band_b)
 
     def flows(self, spool: SpoolValues, drops: np.ndarray) -> np.ndarray:
         """(n, 4) filtered flow through EDGES for a gain of 1, from roots of their drops."""

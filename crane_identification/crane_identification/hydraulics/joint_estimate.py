@@ -50,7 +50,7 @@ DETERMINED_SIGMA_SHARE = 0.25  # of a value: a larger standard deviation does no
 KNOWN_PART = 0.005  # of the stroke, for dead bands and hysteresis, which may be 0
 KNOWN_LEAKAGE = 1e-14  # m3/(s Pa), for a piston that may be tight
 SETTLED_BY = {
-    "dead_zone": "slow ramps of the command through zero, both ways",
+    "dead_band": "slow ramps of the command through zero, both ways",
     "hysteresis": "slow triangles of the command, to and fro",
     "lag": "steps of the command both ways",
     "natural_frequency": "a pseudo-random command of +-0.02 on top of the motion for 60 s "
@@ -154,8 +154,8 @@ def measured_spool(found: BalanceFit) -> dict[str, Measured]:
     """What is known of the spool, by name."""
     spool = found.spool
     return {
-        "dead_zone_a": _measured(found, spool.dead_zone_a, "1", dead_zone_a=1.0),
-        "dead_zone_b": _measured(found, spool.dead_zone_b, "1", dead_zone_b=1.0),
+        "dead_band_a": _measured(found, spool.dead_band_a, "1", dead_band_a=1.0),
+        "dead_band_b": _measured(found, spool.dead_band_b, "1", dead_band_b=1.0),
         "hysteresis": _measured(found, spool.play, "1", play=1.0),
         "lag": _measured(found, spool.lag, "s", lag=1.0),
         "natural_frequency": _measured(
@@ -202,7 +202,7 @@ def _known(name: str, measured: Measured) -> bool:
     if measured.std_dev is None:  # assumed
         return True
     enough = DETERMINED_SIGMA_SHARE * abs(measured.value)
-    if name.startswith("dead_zone") or name == "hysteresis":
+    if name.startswith("dead_band") or name == "hysteresis":
         enough = max(enough, KNOWN_PART)
     if name == "leakage":
         enough = max(enough, KNOWN_LEAKAGE)
@@ -471,8 +471,8 @@ def from_ramps(machine: Machine, joint: str, ramps: Ramps) -> JointHydraulics:
     )
     lag = (extending.lag + retracting.lag) / 2.0
     values: Mapping[str, Measured] = {
-        "dead_zone_a": _mean(extending.dead_band, extending.dead_band_std, extending),
-        "dead_zone_b": _mean(retracting.dead_band, retracting.dead_band_std, retracting),
+        "dead_band_a": _mean(extending.dead_band, extending.dead_band_std, extending),
+        "dead_band_b": _mean(retracting.dead_band, retracting.dead_band_std, retracting),
         "hysteresis": Measured(value=0.0, unit="1"),
         "lag": Measured(value=lag, std_dev=abs(extending.lag - retracting.lag) / 2.0, unit="s"),
         "natural_frequency": Measured(value=2.0 * DAMPING_RATIO / lag, unit="rad/s"),

@@ -81,7 +81,7 @@ def project(balance: Balance[AnyRows]) -> BalanceFit:
 
 def _started(balance: Balance[AnyRows], whitening: np.ndarray) -> SpoolValues:
     tried = [
-        LOWEST_SPOOL._replace(lag=lag, share=0.5, dead_zone_a=d, dead_zone_b=d) for lag, d in STARTS
+        LOWEST_SPOOL._replace(lag=lag, share=0.5, dead_band_a=d, dead_band_b=d) for lag, d in STARTS
     ]
     return min(tried, key=lambda spool: (_rest(balance, whitening, spool) ** 2).sum())
 

@@ -110,7 +110,7 @@ class Summary(ResultFile):
     recursive: RecursiveSummary | None
     """Null unless it was asked for (`--recursive`)."""
     hydraulics: list[ParameterSummary]
-    """Of valves and oil, as `dead_zone_a.boom`; empty where no command or pressure was logged."""
+    """Of valves and oil, as `dead_band_a.boom`; empty where no command or pressure was logged."""
     condition_number: Number
     """Of all columns in SI units [-]; null: the columns are dependent."""
     condition_number_normalized: Number

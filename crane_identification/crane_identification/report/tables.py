@@ -33,8 +33,8 @@ MARK_WIDTH, MARK_HEIGHT = 132, 14  # px
 _LEAST, _MOST = 1e-3, 1.0  # ends of the logarithmic scale of relative standard deviations
 _SIGMAS = 5.0  # half the scale of deviations
 MEANING = {
-    "dead_zone_a": "dead band towards chamber A",
-    "dead_zone_b": "dead band towards chamber B",
+    "dead_band_a": "dead band towards chamber A",
+    "dead_band_b": "dead band towards chamber B",
     "hysteresis": "play between spool and edges",
     "lag": "lag of loop and spool together",
     "natural_frequency": "natural frequency of the spool",

@@ -14,7 +14,7 @@ from crane_trajectory.control.controller import (
     ControlCondition,
     Controller,
     GainArrays,
-    PdDeadZone,
+    PdDeadBand,
     SensorReading,
     Wanted,
     WrappedController,
@@ -31,7 +31,7 @@ class ModelLaw(NamedTuple):
     by_force: bool = False
 
 
-PD_DEAD_ZONE = "pd_dead_zone"
+PD_DEAD_BAND = "pd_dead_band"
 OF_THE_MODEL = {
     "flow_feedforward": ModelLaw(pressures=False),
     "flow_and_pressures": ModelLaw(),
@@ -39,7 +39,7 @@ OF_THE_MODEL = {
     "computed_force": ModelLaw(by_force=True),
 }
 """Those that need an identified model."""
-NAMES = (PD_DEAD_ZONE, *OF_THE_MODEL)
+NAMES = (PD_DEAD_BAND, *OF_THE_MODEL)
 MAY_LEARN = ("flow_feedforward", "flow_and_pressures")
 
 COURSE_STEP = 0.005  # s, of the learnt course
@@ -51,18 +51,18 @@ MOST_MISSING = 0.05  # of a period, from which is still learnt
 
 
 class LearntDirection(NamedTuple):
-    """A direction of a cylinder, and where a model file has its dead zone and gains at A and B."""
+    """A direction of a cylinder, and where a model file has its dead band and gains at A and B."""
 
     name: str
-    dead_zone: str
+    dead_band: str
     gains: tuple[str, str]
 
 
 DIRECTIONS = (
-    LearntDirection("extending", "dead_zone_a", ("supply_a", "b_tank")),
-    LearntDirection("retracting", "dead_zone_b", ("a_tank", "supply_b")),
+    LearntDirection("extending", "dead_band_a", ("supply_a", "b_tank")),
+    LearntDirection("retracting", "dead_band_b", ("a_tank", "supply_b")),
 )
-LEARNT_PROVENANCE = "; dead zones and flow gains learnt while following"
+LEARNT_PROVENANCE = "; dead bands and flow gains learnt while following"
 
 
 class Learning(WrappedController):
@@ -159,7 +159,7 @@ class Learning(WrappedController):
 class SideBySide:
     """Some joints controlled by the model, the others by (36); where either stops, both do."""
 
-    def __init__(self, led: FlowFeedforward, rest: PdDeadZone):
+    def __init__(self, led: FlowFeedforward, rest: PdDeadBand):
         self.led, self._rest = led, rest
         self.preview, self.by_model = led.preview, led.by_model
         self._last: np.ndarray | None = None
@@ -201,8 +201,8 @@ def controller(
     Joints that the hydraulics of `model` lack are led by (36). `ConfigurationError` if the name is
     none of `NAMES`, or the model does not have what it needs or is that of another machine.
     """
-    rest = PdDeadZone(gains)
-    if name == PD_DEAD_ZONE:
+    rest = PdDeadBand(gains)
+    if name == PD_DEAD_BAND:
         return rest
     if name not in OF_THE_MODEL:
         raise ConfigurationError(f"no controller '{name}'; there are {', '.join(NAMES)}")
@@ -210,7 +210,7 @@ def controller(
         raise ConfigurationError(
             f"controller '{name}': needs an identified model with the hydraulics of "
             f"{machine.name}; identify it from a recording with valve commands, or use "
-            f"{PD_DEAD_ZONE}"
+            f"{PD_DEAD_BAND}"
         )
     if model.machine is None or model.machine.model_dump() != machine.model_dump():
         raise ConfigurationError(
@@ -255,14 +255,14 @@ def learnt_hydraulics(known: HydraulicValues, led: FlowFeedforward) -> Hydraulic
         valve = joints[joint].valve
         changes: dict[str, Measured] = {}
         for direction, record in zip(DIRECTIONS, learnt, strict=True):
-            dead_zone, std_dev = record["dead_zone"], np.sqrt(np.diag(record["covariance"]))
-            if dead_zone == getattr(valve, direction.dead_zone).value:
+            dead_band, std_dev = record["dead_band"], np.sqrt(np.diag(record["covariance"]))
+            if dead_band == getattr(valve, direction.dead_band).value:
                 continue  # nothing was learnt in this direction
-            found = {direction.dead_zone: (dead_zone, std_dev[0])}
+            found = {direction.dead_band: (dead_band, std_dev[0])}
             for name, gain, spread in zip(
                 direction.gains, record["gain"], std_dev[1:], strict=True
             ):
-                whole_stroke = getattr(valve, name).value * (1.0 - dead_zone) / gain
+                whole_stroke = getattr(valve, name).value * (1.0 - dead_band) / gain
                 found[name] = whole_stroke, whole_stroke * spread / gain
             for name, (value, spread) in found.items():
                 unit = valve.units[name]
@@ -278,10 +278,10 @@ def in_words(led: FlowFeedforward) -> Iterator[tuple[str, str]]:
     """What was learnt, and its value, of every joint and direction."""
     for joint, learnt in zip(led.joints, led.memory.learnt, strict=True):
         for direction, record in zip(DIRECTIONS, learnt, strict=True):
-            dead_zone, std_dev = record["dead_zone"], np.sqrt(record["covariance"][0, 0])
-            gains = (1.0 - dead_zone) / record["gain"]
+            dead_band, std_dev = record["dead_band"], np.sqrt(record["covariance"][0, 0])
+            gains = (1.0 - dead_band) / record["gain"]
             yield (
-                f"learnt, {joint} {direction.name}: dead zone, gains at A and B over those of the "
+                f"learnt, {joint} {direction.name}: dead band, gains at A and B over those of the "
                 "model",
-                f"{dead_zone:.4f} ± {std_dev:.4f}, {gains[0]:.3f}, {gains[1]:.3f}",
+                f"{dead_band:.4f} ± {std_dev:.4f}, {gains[0]:.3f}, {gains[1]:.3f}",
             )

@@ -4,7 +4,7 @@ A controller takes a state and gives a command; it knows no ROS and no clock. (3
 
     u = -Kp (q - q_ref) - Kd (q' - q'_ref) + F_f,   limited to [-1, 1]
 
-F_f = d+ max(s, 0) + d- min(s, 0) carries the command across the dead zone (d+ upwards, d-
+F_f = d+ max(s, 0) + d- min(s, 0) carries the command across the dead band (d+ upwards, d-
 downwards) of the valve in the direction s, a continuous number from -1 to 1. With v0 the
 standstill speed and e0 the position tolerance of the joint,
 
@@ -14,7 +14,7 @@ standstill speed and e0 the position tolerance of the joint,
   error e = q - q_ref larger than e0;
 - in between the two are blended smoothly over the measured speed.
 
-So at rest, with the reference at rest and |e| <= e0, F_f = 0 and u = -Kp e is inside the dead zone:
+So at rest, with the reference at rest and |e| <= e0, F_f = 0 and u = -Kp e is inside the dead band:
 the valve stays closed and the crane is held still, without a command that switches sign.
 """
 
@@ -110,7 +110,7 @@ class ControlCondition(IntEnum):
 WORDS = {
     ControlCondition.AT_REST: "at rest",
     ControlCondition.FOLLOWING: "following",
-    ControlCondition.ADAPTATION_AT_BOUND: "adaptation at its bound: check valve and dead zones",
+    ControlCondition.ADAPTATION_AT_BOUND: "adaptation at its bound: check valve and dead bands",
     ControlCondition.PRESSURES_LOST: "pressures lost: using the load of the model",
     ControlCondition.SATURATED: "saturated: lower the speed of the reference",
     ControlCondition.NOT_INITIALISED: "not initialised: valves closed",
@@ -191,7 +191,7 @@ class WrappedController:
         return self.inner.command(dt, reading, wanted)
 
 
-DeadZone = Annotated[float, Field(ge=0.0, le=0.99)]
+DeadBand = Annotated[float, Field(ge=0.0, le=0.99)]
 Small = Annotated[float, Field(ge=1e-6, le=1.0)]
 T = TypeVar("T")
 
@@ -201,19 +201,19 @@ class JointGains(Schema):
 
     kp: Annotated[float, Field(ge=1e-6, le=1000.0)]
     kd: Annotated[float, Field(ge=0.0, le=100.0)]
-    dead_zone_positive: DeadZone
-    dead_zone_negative: DeadZone
+    dead_band_positive: DeadBand
+    dead_band_negative: DeadBand
     standstill_speed: Small
     position_tolerance: Small
 
     @model_validator(mode="after")
     def _closed_at_rest(self) -> Self:
         rest = self.kp * self.position_tolerance
-        for name in ("dead_zone_positive", "dead_zone_negative"):
-            dead_zone = getattr(self, name)
-            if 0.0 < dead_zone < rest:
+        for name in ("dead_band_positive", "dead_band_negative"):
+            dead_band = getattr(self, name)
+            if 0.0 < dead_band < rest:
                 raise ValueError(
-                    f"kp times position_tolerance is {rest:.6g}, more than {name} {dead_zone:.6g}: "
+                    f"kp times position_tolerance is {rest:.6g}, more than {name} {dead_band:.6g}: "
                     "the valve of a crane at rest would be open; lower either of the two"
                 )
         return self
@@ -224,8 +224,8 @@ class GainFields(NamedTuple, Generic[T]):
 
     kp: T
     kd: T
-    dead_zone_positive: T
-    dead_zone_negative: T
+    dead_band_positive: T
+    dead_band_negative: T
     standstill_speed: T
     position_tolerance: T
 
@@ -269,8 +269,8 @@ def joint_command(
     share = min(abs(velocity) / gains.standstill_speed, 1.0)
     moving = share * share * (3.0 - 2.0 * share)
     direction = moving * np.sign(velocity) + (1.0 - moving) * wanted
-    dead_zone = gains.dead_zone_positive if direction > 0.0 else gains.dead_zone_negative
-    u = -gains.kp * error - gains.kd * (velocity - velocity_ref) + dead_zone * direction
+    dead_band = gains.dead_band_positive if direction > 0.0 else gains.dead_band_negative
+    u = -gains.kp * error - gains.kd * (velocity - velocity_ref) + dead_band * direction
     return min(max(u, -1.0), 1.0)
 
 
@@ -280,8 +280,8 @@ def gains_of(gains: GainArrays, i: int) -> GainFields[float]:
     return GainFields(
         kp=gains.kp[i],
         kd=gains.kd[i],
-        dead_zone_positive=gains.dead_zone_positive[i],
-        dead_zone_negative=gains.dead_zone_negative[i],
+        dead_band_positive=gains.dead_band_positive[i],
+        dead_band_negative=gains.dead_band_negative[i],
         standstill_speed=gains.standstill_speed[i],
         position_tolerance=gains.position_tolerance[i],
     )
@@ -382,7 +382,7 @@ AT_REST, NOT_MEASURED = int(ControlCondition.AT_REST), int(ControlCondition.NOT_
 NOT_INITIALISED = int(ControlCondition.NOT_INITIALISED)  # the first that stops
 
 
-class PdDeadZone:
+class PdDeadBand:
     """(36) as a `Controller`: needs no model, no transducers and no preview."""
 
     preview = 0.0

@@ -296,9 +296,9 @@ def _lead(
 def _open(
     i: int, setting: CycleSetting, memory: Memory, count: int, integrand: float, largest: float
 ) -> None:
-    """The command for the opening, across dead zone and play; then the integral."""
+    """The command for the opening, across dead band and play; then the integral."""
     h, gain, s, learnt = setting.hydraulics[i], setting.gains[i], memory.state[i], memory.learnt[i]
-    y = spool(s.opening, learnt[0 if s.opening > 0.0 else 1].dead_zone)
+    y = spool(s.opening, learnt[0 if s.opening > 0.0 else 1].dead_band)
     memory.spools[i, count % HISTORY] = min(max(y, -largest), largest)
     if h.play > 0.0:
         y, s.turned, s.direction = against_play(y, s.turned, s.direction, h.play)
@@ -345,7 +345,7 @@ def feedback_gains(
 
 
 class FlowFeedforward:
-    """See the head of this file; `adaptive` learns dead zones and gain while the crane moves."""
+    """See the head of this file; `adaptive` learns dead bands and gain while the crane moves."""
 
     def __init__(
         self,
@@ -383,7 +383,7 @@ class FlowFeedforward:
         self.memory = Memory(
             np.zeros(len(joints), STATE),
             np.zeros(len(joints), WATCH),
-            as_identified(hydraulics.dead_zone_extend, hydraulics.dead_zone_retract),
+            as_identified(hydraulics.dead_band_extend, hydraulics.dead_band_retract),
             np.zeros(len(joints), WINDOW),
             *np.zeros((2, len(joints), HISTORY)),
         )

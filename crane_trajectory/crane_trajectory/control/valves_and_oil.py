@@ -12,14 +12,14 @@ so that the piston speed x' and the force rate F' need the opening o = n / g, wi
 Q_B what leaves B. If the pressures are not measured, g follows from the load: flow through both
 edges at the same piston speed.
 
-Dead zones and gains are learnt while the crane moves, for each direction by itself. While a joint
+Dead bands and gains are learnt while the crane moves, for each direction by itself. While a joint
 moves one way with an open valve, its two edges pass, over a window,
 
     y = d + c_A o_A,    y = d + c_B o_B
 
 y the mean spool, o what either edge must have been open for the oil that its chamber took or gave
 (what the piston swept, what the pressure squeezed, what leaked) if the gains of the model held; d
-is the dead zone, c_A and c_B correct the gains: K / c. The three are estimated by recursive least
+is the dead band, c_A and c_B correct the gains: K / c. The three are estimated by recursive least
 squares that forget within `MEMORY_TIME`, only where a window tells something, and within bounds.
 """
 
@@ -38,15 +38,15 @@ from crane_trajectory.control.controller import ControlCondition
 KNOTS = 513  # cubic between knots: errors below 1e-9 m over the ranges of Table 2
 MOTOR_TURN = 2.0 * np.pi  # rad, of the shaft of a motor
 LEAST_DROP = 2.0e5  # Pa at an edge, of that which is inverted: below it speed is not to be had
-OPENING_AT_EDGE = 0.002  # the command crosses the dead zone within +- this opening
+OPENING_AT_EDGE = 0.002  # the command crosses the dead band within +- this opening
 
 LEARNING_WINDOW = 0.1  # s
 MEMORY_TIME = 20.0  # s of windows that were used
-LEAST_OPENING = 0.02  # in a window: dead zone and gains must show in it
+LEAST_OPENING = 0.02  # in a window: dead band and gains must show in it
 LARGEST_OPENING_CHANGE = 0.5  # within a window: lags matter where it changes fast
 OPENING_NOISE = 0.003  # standard deviation of y - d - c o in a window
-DEAD_ZONE_UNKNOWN, GAIN_UNKNOWN = 0.02, 0.3  # standard deviations at the beginning
-DEAD_ZONE_BOUNDS = (0.0, 0.3)
+DEAD_BAND_UNKNOWN, GAIN_UNKNOWN = 0.02, 0.3  # standard deviations at the beginning
+DEAD_BAND_BOUNDS = (0.0, 0.3)
 GAIN_BOUNDS = (0.3, 3.0)
 
 STUCK_TIME = 0.2  # s without any change of a reading while the joint moves
@@ -68,7 +68,7 @@ FORCE_PER_SPEED = 0.02  # s: force that an error of the piston's speed asks for,
 
 LEARNT = np.dtype(
     [
-        ("dead_zone", float),  # d
+        ("dead_band", float),  # d
         ("gain", float, 2),  # c_A, c_B
         ("covariance", float, (3, 3)),  # of d, c_A, c_B
     ]
@@ -84,7 +84,7 @@ WINDOW = np.dtype(
         ("largest", float),
     ]
 )
-"""The open window of a joint, of which dead zone and gains are learnt."""
+"""The open window of a joint, of which dead band and gains are learnt."""
 WATCH = np.dtype(
     [
         ("last_a", float),  # Pa, last readings
@@ -124,7 +124,7 @@ class ValvesAndOil(NamedTuple):
     """Valves and oil of j joints, (j,) each [SI].
 
     The spool y, in the direction of extending, trails its command by `lag` and `play`. It opens
-    beyond the dead zones; what it is beyond, o, is the opening. Each edge passes gain times o times
+    beyond the dead bands; what it is beyond, o, is the opening. Each edge passes gain times o times
     the root of the pressure drop.
     """
 
@@ -141,8 +141,8 @@ class ValvesAndOil(NamedTuple):
     a_tank: np.ndarray
     supply_b: np.ndarray
     b_tank: np.ndarray
-    dead_zone_extend: np.ndarray  # of the command
-    dead_zone_retract: np.ndarray
+    dead_band_extend: np.ndarray  # of the command
+    dead_band_retract: np.ndarray
     play: np.ndarray  # width, of the command
     lag: np.ndarray  # s, from a reading to the spool's answer
     supply_pressure: np.ndarray  # Pa, where none is measured
@@ -168,7 +168,7 @@ class ValvesAndOil(NamedTuple):
 
 SIGNED = {"sense", "length_min", "length_max"}
 MAY_BE_ZERO = SIGNED | {
-    "dead_volume_a", "dead_volume_b", "leakage", "dead_zone_extend", "dead_zone_retract",
+    "dead_volume_a", "dead_volume_b", "leakage", "dead_band_extend", "dead_band_retract",
     "play", "lag", "tank_pressure",
 }  # fmt: skip
 
@@ -218,8 +218,8 @@ def identified(machine: Machine, values: HydraulicValues, joints: Sequence[str])
             "bulk_modulus": known.get("bulk_modulus", float(np.mean(oil))),
             "leakage": known.get("leakage", 0.0),
             **{edge: known[edge] for edge in ("supply_a", "a_tank", "supply_b", "b_tank")},
-            "dead_zone_extend": known["dead_zone_a"],
-            "dead_zone_retract": known["dead_zone_b"],
+            "dead_band_extend": known["dead_band_a"],
+            "dead_band_retract": known["dead_band_b"],
             "play": known["hysteresis"],
             "lag": known["lag"],
             "supply_pressure": pressure,
@@ -308,10 +308,10 @@ def flow_at_pressures(
 
 
 @njit(cache=True, error_model="numpy")
-def spool(opening: float, dead_zone: float) -> float:
-    """The spool that is `opening` beyond its dead zone."""
+def spool(opening: float, dead_band: float) -> float:
+    """The spool that is `opening` beyond its dead band."""
     crossing = min(max(opening / OPENING_AT_EDGE, -1.0), 1.0)
-    return dead_zone * crossing + opening
+    return dead_band * crossing + opening
 
 
 @njit(cache=True, error_model="numpy")
@@ -330,14 +330,14 @@ def against_play(
     return y + 0.5 * play * direction, turned, direction
 
 
-def as_identified(dead_zone_extend: np.ndarray, dead_zone_retract: np.ndarray) -> np.ndarray:
+def as_identified(dead_band_extend: np.ndarray, dead_band_retract: np.ndarray) -> np.ndarray:
     """(j, 2) records LEARNT of what the model says, extending and retracting. The gains of a model
     are those of the whole stroke.
     """
-    learnt = np.zeros((len(dead_zone_extend), 2), LEARNT)
-    learnt["dead_zone"] = np.stack([dead_zone_extend, dead_zone_retract], axis=1)
-    learnt["gain"] = 1.0 - learnt["dead_zone"][:, :, np.newaxis]
-    learnt["covariance"] = np.diag([DEAD_ZONE_UNKNOWN, GAIN_UNKNOWN, GAIN_UNKNOWN]) ** 2
+    learnt = np.zeros((len(dead_band_extend), 2), LEARNT)
+    learnt["dead_band"] = np.stack([dead_band_extend, dead_band_retract], axis=1)
+    learnt["gain"] = 1.0 - learnt["dead_band"][:, :, np.newaxis]
+    learnt["covariance"] = np.diag([DEAD_BAND_UNKNOWN, GAIN_UNKNOWN, GAIN_UNKNOWN]) ** 2
     return learnt
 
 
@@ -353,8 +353,8 @@ def adapt(
     """
     window = windows[i]
     side, size = (0, spool) if spool > 0.0 else (1, -spool)
-    dead_zone, gain = learnt[side].dead_zone, learnt[side].gain[0]
-    open_enough = size - dead_zone > LEAST_OPENING * gain and size < 1.0
+    dead_band, gain = learnt[side].dead_band, learnt[side].gain[0]
+    open_enough = size - dead_band > LEAST_OPENING * gain and size < 1.0
     turned = window.largest * spool < 0.0
     finite = math.isfinite(passes[0] + passes[1] + oil[0] + oil[1])
     if not open_enough or turned or not finite:
@@ -371,7 +371,7 @@ def adapt(
     window.largest = max(window.largest, spool)
     if window.time < LEARNING_WINDOW:
         return
-    if window.largest - window.least < LARGEST_OPENING_CHANGE * (size - dead_zone):
+    if window.largest - window.least < LARGEST_OPENING_CHANGE * (size - dead_band):
         _forget(learnt, side, window.time)
         for edge in range(2):
             y = window.spool[edge] / window.passed[edge]
@@ -391,7 +391,7 @@ def _forget(learnt: np.ndarray, side: int, time: float) -> None:
     """Grow the covariance, but never beyond that of the beginning."""
     growth, covariance = math.exp(time / MEMORY_TIME), learnt[side].covariance
     sure = growth * max(covariance[1, 1], covariance[2, 2]) < GAIN_UNKNOWN**2
-    if sure and growth * covariance[0, 0] < DEAD_ZONE_UNKNOWN**2:
+    if sure and growth * covariance[0, 0] < DEAD_BAND_UNKNOWN**2:
         for k in range(3):
             for m in range(3):
                 covariance[k, m] *= growth
@@ -407,9 +407,9 @@ def _update(learnt: np.ndarray, side: int, y: float, opening: float, edge: int) 
     for k in range(3):
         s[k] = covariance[k, 0] + opening * covariance[k, 1 + edge]
     scale = OPENING_NOISE * OPENING_NOISE + s[0] + opening * s[1 + edge]
-    miss = y - values.dead_zone - opening * values.gain[edge]
-    low, high = DEAD_ZONE_BOUNDS
-    values.dead_zone = min(max(values.dead_zone + s[0] / scale * miss, low), high)
+    miss = y - values.dead_band - opening * values.gain[edge]
+    low, high = DEAD_BAND_BOUNDS
+    values.dead_band = min(max(values.dead_band + s[0] / scale * miss, low), high)
     low, high = GAIN_BOUNDS
     for k in range(2):
         values.gain[k] = min(max(values.gain[k] + s[1 + k] / scale * miss, low), high)
@@ -420,9 +420,9 @@ def _update(learnt: np.ndarray, side: int, y: float, opening: float, edge: int) 
 
 @njit(cache=True, error_model="numpy")
 def at_bound(learnt: np.ndarray) -> bool:
-    """Whether something learnt (2,) lies at its bound; a dead zone of 0 does not."""
+    """Whether something learnt (2,) lies at its bound; a dead band of 0 does not."""
     for side in range(2):
-        if learnt[side].dead_zone >= DEAD_ZONE_BOUNDS[1]:
+        if learnt[side].dead_band >= DEAD_BAND_BOUNDS[1]:
             return True
         for edge in range(2):
             if not GAIN_BOUNDS[0] < learnt[side].gain[edge] < GAIN_BOUNDS[1]:
@@ -512,9 +512,9 @@ class Piston(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def opened(y: float, learnt: np.ndarray) -> float:
-    """How far a spool y is beyond its dead zone."""
+    """How far a spool y is beyond its dead band."""
     side = 0 if y > 0.0 else 1
-    return math.copysign(max(abs(y) - learnt[side].dead_zone, 0.0), y)
+    return math.copysign(max(abs(y) - learnt[side].dead_band, 0.0), y)
 
 
 @njit(cache=True, error_model="numpy")

@@ -30,7 +30,7 @@ from crane_model.configuration import Schema, read_document, validate
 from crane_model.errors import ConfigurationError
 from crane_trajectory.motion.points import MotionSamples, PointsTrajectory
 
-LARGEST_PROBE = 0.05  # [-1..1]: no dead zone is narrower, so that a valve at rest stays shut
+LARGEST_PROBE = 0.05  # [-1..1]: no dead band is narrower, so that a valve at rest stays shut
 SHORTEST_HOLD = 0.01  # s: two cycles of the controller
 MOST_HARMONICS = 50
 SHORTEST_PERIOD, LONGEST_PERIOD = 1.0, 3600.0  # s: what a crane can follow, and one waits for

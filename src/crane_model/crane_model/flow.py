@@ -75,7 +75,7 @@ SERVED_CHAMBER = (0, 0, 1, 1)  # the chamber, A or B, that each of EDGES serves
 
 
 class Metered(NamedTuple):
-    """What a recording tells of a valve, whatever its dead zones and play: the command `u` (n,)
+    """What a recording tells of a valve, whatever its dead bands and play: the command `u` (n,)
     towards chamber A, where runs begin (n,), and the root (n, 4) of the drop at each of EDGES.
     """
 
@@ -88,14 +88,14 @@ class Valve(FlowTerm):
     """Q = K x sqrt(pressure drop) at each edge, x the opening of the spool, K the edge's own.
 
     The spool y trails its command u, |y - u| <= play/2, and stands where u leaves it; a run begins
-    with y = u. It feeds chamber A where y > dead_zone_a, chamber B where y < -dead_zone_b, and its
+    with y = u. It feeds chamber A where y > dead_band_a, chamber B where y < -dead_band_b, and its
     opening x is what y is beyond.
     """
 
     type: Literal["valve"] = "valve"
 
-    dead_zone_a: float = Field(default=0.0, ge=0, lt=1)
-    dead_zone_b: float = Field(default=0.0, ge=0, lt=1)
+    dead_band_a: float = Field(default=0.0, ge=0, lt=1)
+    dead_band_b: float = Field(default=0.0, ge=0, lt=1)
     play: float = Field(default=0.0, ge=0, lt=1)
 
     def opening(self, record: Record, machine: Machine) -> Array:
@@ -107,7 +107,7 @@ class Valve(FlowTerm):
         return of_chambers(self.flows(self.metered(record, machine)))
 
     def metered(self, record: Record, machine: Machine) -> Metered:
-        """What does not depend on dead zones and play, to ask `flows` for several of them."""
+        """What does not depend on dead bands and play, to ask `flows` for several of them."""
         p_a, p_b = self.needed(record, "pressure_a"), self.needed(record, "pressure_b")
         supply, tank = self.needed(record, "supply_pressure"), self.needed(record, "tank_pressure")
         drops = np.stack([supply - p_a, p_a - tank, supply - p_b, p_b - tank], axis=1)
@@ -125,7 +125,7 @@ class Valve(FlowTerm):
 
     def _opened(self, u: Array, first: Flags) -> Array:
         y = u if self.play == 0.0 else _trailing(u, self.play / 2.0, first)
-        return np.maximum(0.0, y - self.dead_zone_a) + np.minimum(0.0, y + self.dead_zone_b)
+        return np.maximum(0.0, y - self.dead_band_a) + np.minimum(0.0, y + self.dead_band_b)
 
 
 def of_chambers(flows: Array) -> Array:
@@ -259,21 +259,21 @@ class FlowEffect(NamedTuple):
 
 FLOW_EFFECTS: Mapping[str, FlowEffect] = MappingProxyType(
     {
-        "valve_dead_zone": FlowEffect(
+        "valve_dead_band": FlowEffect(
             Effect(
-                "dead zone of a valve",
+                "dead band of a valve",
                 "no flow at small commands, and less by the same amount at all others",
                 ("valve_asymmetry", "valve_hysteresis", "internal_leakage"),
                 "slow ramps of the command through zero",
             ),
-            "dead_zone",
+            "dead_band",
             "1",
         ),
         "valve_hysteresis": FlowEffect(
             Effect(
                 "hysteresis of a valve",
                 "flow depends on whether the command rises or falls",
-                ("valve_dead_zone",),
+                ("valve_dead_band",),
                 "slow triangles of the command, to and fro",
             ),
             "play",
@@ -283,7 +283,7 @@ FLOW_EFFECTS: Mapping[str, FlowEffect] = MappingProxyType(
             Effect(
                 "asymmetric gain of a valve",
                 "flow per command differs between the two directions, at both chambers",
-                ("valve_dead_zone", "internal_leakage"),
+                ("valve_dead_band", "internal_leakage"),
                 "steps of the command both ways, of several heights",
             ),
             "asymmetry",
@@ -294,7 +294,7 @@ FLOW_EFFECTS: Mapping[str, FlowEffect] = MappingProxyType(
                 "internal leakage",
                 "flow from one chamber to the other with the difference of their pressures; "
                 "creep at rest",
-                ("valve_dead_zone", "valve_asymmetry"),
+                ("valve_dead_band", "valve_asymmetry"),
                 "a load held with the valve closed and the lines shut off",
             ),
             "C_leak",

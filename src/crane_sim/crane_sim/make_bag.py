@@ -47,7 +47,7 @@ from crane_sim.plant.closed_loop import REST_S, Course, SimulatedRecording, Step
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Build, Sensors
 from crane_sim.sensor_faults import Faults, parse
-from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
+from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND, controller
 from crane_trajectory.control.controller import Controller, Gains, load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
@@ -220,7 +220,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--law",
         choices=NAMES,
-        default=PD_DEAD_ZONE,
+        default=PD_DEAD_BAND,
         help="how the machine is led, as by the trajectory node (default: %(default)s, (36))",
     )
     parser.add_argument(
@@ -252,8 +252,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if (request.inject is None) != (request.ground_truth is None):
         parser.error("--inject and --ground-truth: give both or none")
 
-    if (request.model is None) != (request.law == PD_DEAD_ZONE):
-        parser.error(f"--law and --model: every law but {PD_DEAD_ZONE} needs a model")
+    if (request.model is None) != (request.law == PD_DEAD_BAND):
+        parser.error(f"--law and --model: every law but {PD_DEAD_BAND} needs a model")
 
     def progress(cycles: Iterable[int]) -> Iterable[int]:
         return progress_bar(request.out.name, over=cycles)

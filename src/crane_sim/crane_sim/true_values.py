@@ -44,13 +44,13 @@ def hydraulics_of(parameters: SimulatedCrane, machine: Machine, joint: str) -> d
     valve, inside = parameters.valves[joint], parameters.cylinders[joint]
     start = parameters.start[[machine.index(joint)]]
     null = float(np.sign(lever_arm(machine, joint, start))[0]) * valve.null_bias
-    dead_a, dead_b = valve.dead_zone + null, valve.dead_zone - null
+    dead_a, dead_b = valve.dead_band + null, valve.dead_band - null
     gain = valve.rated_flow / np.sqrt(valve.rated_drop)
-    by_a, by_b = (gain * (1.0 - dead) / (1.0 - valve.dead_zone) for dead in (dead_a, dead_b))
+    by_a, by_b = (gain * (1.0 - dead) / (1.0 - valve.dead_band) for dead in (dead_a, dead_b))
     frequency = 2.0 * np.pi * valve.natural_frequency
     return {
-        "dead_zone_a": dead_a,
-        "dead_zone_b": dead_b,
+        "dead_band_a": dead_a,
+        "dead_band_b": dead_b,
         "hysteresis": 0.0,
         "lag": 2.0 * valve.damping_ratio / frequency,
         "natural_frequency": frequency,

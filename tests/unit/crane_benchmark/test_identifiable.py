@@ -156,24 +156,24 @@ def test_valves_and_oil_count_beyond_what_is_usual(effect, form, values, beyond)
 
 
 def test_what_is_hidden_in_a_valve_adds_to_what_the_machine_has():
-    """Gains of the edges, and a dead zone that is wider one way."""
+    """Gains of the edges, and a dead band that is wider one way."""
     given = SIMULATED.valves[JOINT]
     uneven = Edges(supply_a=1.05, a_tank=0.95, supply_b=0.57, b_tank=0.63)  # 5 % by themselves
     valve = given.model_copy(update={"edges": uneven, "null_bias": 0.01})
     valves = {**SIMULATED.valves, JOINT: valve}
-    usual = load_usual().model_copy(update={"asymmetry": 0.05, "dead_zone": {JOINT: 0.05}})
+    usual = load_usual().model_copy(update={"asymmetry": 0.05, "dead_band": {JOINT: 0.05}})
     beyond = {}
     for name, parameter, size in (
         ("valve_asymmetry", "share", 0.05),
         ("valve_asymmetry", "share", -0.05),
-        ("valve_dead_zone", "band", 0.0),
+        ("valve_dead_band", "band", 0.0),
     ):
         label = labelled(name, JOINT, **{parameter: size})
         simulated = SIMULATED.model_copy(update={"valves": valves})
         beyond[name, size] = beyond_usual(label, simulated, still(), usual)
     assert beyond["valve_asymmetry", 0.05] == pytest.approx(0.5, abs=0.01)
     assert beyond["valve_asymmetry", -0.05] == 0.0
-    assert beyond["valve_dead_zone", 0.0] == pytest.approx(1 - 0.05 / 0.06)
+    assert beyond["valve_dead_band", 0.0] == pytest.approx(1 - 0.05 / 0.06)
 
 
 def test_loads_that_differ_are_each_compared_with_the_nearest(tmp_path):

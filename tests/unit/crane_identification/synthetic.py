@@ -96,23 +96,23 @@ def axis_log(
     model: Model,
     periods: float = 3,
     noise: float = 0.5,
-    dead_zone: float = 0.0,
+    dead_band: float = 0.0,
     theta: np.ndarray = AXIS_THETA,
 ) -> Log:
     """Periodic motion of one axis with a measured drive force.
 
-    Below the speed `dead_zone` [m/s] the axis stands, and the force passes from the one branch of
+    Below the speed `dead_band` [m/s] the axis stands, and the force passes from the one branch of
     friction to the other.
     """
     rng = np.random.default_rng(seed)
     time, clock, rate, change = _course(periods)
-    odd = np.array([1, 3, 5])  # to and fro alike, so that a dead zone leaves no drift
+    odd = np.array([1, 3, 5])  # to and fro alike, so that a dead band leaves no drift
     q, v, a = motion(clock, np.zeros(1), np.full(1, 0.4), odd, rng.uniform(0, 2 * np.pi, (1, 3)))
-    moves = np.abs(v[:, 0]) >= dead_zone
+    moves = np.abs(v[:, 0]) >= dead_band
     instants = np.arange(len(time))
     direction = np.interp(instants, instants[moves], np.sign(v[moves, 0]))[:, None]
-    if dead_zone > 0.0:
-        v = np.where(moves[:, None], v - dead_zone * np.sign(v), 0.0)
+    if dead_band > 0.0:
+        v = np.where(moves[:, None], v - dead_band * np.sign(v), 0.0)
         a = np.where(moves[:, None], a, 0.0)
         q = cumulative_simpson(v * rate, x=time, axis=0, initial=0.0)
     record = Record(

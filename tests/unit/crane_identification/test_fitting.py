@@ -59,8 +59,8 @@ def test_planted_crane_is_validated_down_to_the_noise(fitted_crane: FitResult) -
 
 
 def test_reversals_that_are_not_masked_bias_the_fit(axis: Model) -> None:
-    """An axis that stands for a moment at each reversal, as a valve with a dead zone makes it."""
-    logs = [axis_log(seed, axis, dead_zone=0.01) for seed in (1, 2)]
+    """An axis that stands for a moment at each reversal, as a valve with a dead band makes it."""
+    logs = [axis_log(seed, axis, dead_band=0.01) for seed in (1, 2)]
     masked = fit(axis, logs).estimate
     unmasked = fit(axis, logs, Options(mask_reversals=False)).estimate
     np.testing.assert_allclose(masked.values, AXIS_THETA, rtol=0.03)

@@ -56,7 +56,7 @@ def root(drop: float) -> float:
 
 def moved(machine: Machine, air: float = 0.0, wear: float = 0.0) -> Record:
     """8 s of a loaded mass on a cylinder with leakage and springy oil behind a valve with play,
-    whose edges, and dead zones of the two directions, all differ; with a share of `air`, and with
+    whose edges, and dead bands of the two directions, all differ; with a share of `air`, and with
     `wear` times more leakage about its mean place.
     """
     track = spool()
@@ -112,8 +112,8 @@ def driven(machine: Machine) -> Record:
 
 
 def terms(*bands: float) -> tuple:
-    """Of the balance, for a valve with these dead zones."""
-    valve = Valve(joint=JOINT, dead_zone_a=bands[0], dead_zone_b=bands[1], play=PLAY)
+    """Of the balance, for a valve with these dead bands."""
+    valve = Valve(joint=JOINT, dead_band_a=bands[0], dead_band_b=bands[1], play=PLAY)
     return valve, InternalLeakage(joint=JOINT), OilCompressibility(joint=JOINT)
 
 
@@ -133,7 +133,7 @@ def test_planted_parameters_come_back_from_the_balance(driven: Record, machine: 
     np.testing.assert_allclose(values, [*GAINS, LEAK, 1 / BETA, V_0 / BETA], rtol=0.01)
 
 
-def test_each_dead_zone_is_where_least_is_left(driven: Record, machine: Machine) -> None:
+def test_each_dead_band_is_where_least_is_left(driven: Record, machine: Machine) -> None:
     for way in (0, 1):
         bands = [np.array(BANDS) + change * np.eye(2)[way] for change in (-0.02, 0.0, 0.02)]
         left = [fit(terms(*one), driven, machine)[1] for one in bands]

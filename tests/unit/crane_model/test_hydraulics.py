@@ -24,8 +24,8 @@ from crane_model.record import Record
 
 GAIN = 3e-7
 VALVE = {
-    "dead_zone_a": 0.05,
-    "dead_zone_b": 0.06,
+    "dead_band_a": 0.05,
+    "dead_band_b": 0.06,
     "hysteresis": 0.01,
     "lag": 0.02,
     "natural_frequency": 150.0,
@@ -95,7 +95,7 @@ def test_a_spool_follows_as_its_differential_equation_says() -> None:
         np.testing.assert_allclose(found, exact.y[0], atol=2e-4)
 
 
-def test_edges_trail_the_spool_and_open_beyond_the_dead_zones() -> None:
+def test_edges_trail_the_spool_and_open_beyond_the_dead_bands() -> None:
     there_and_back = np.array([0.0, 0.2, 0.195, 0.15, -0.3])
     z = trailing(there_and_back, 0.02)
     np.testing.assert_allclose(z, [0.0, 0.19, 0.19, 0.16, -0.29])
@@ -113,7 +113,7 @@ def test_a_model_file_keeps_the_hydraulics(tmp_path: Path) -> None:
     ("wrong", "right", "told"),
     [
         ("unit: Pa\n", "unit: bar\n", "bulk_modulus: its unit must be 'Pa', got 'bar'"),
-        ("value: 0.05\n", "value: -0.05\n", "dead_zone_a: must be 0 to 0.9"),
+        ("value: 0.05\n", "value: -0.05\n", "dead_band_a: must be 0 to 0.9"),
         ("    outer_boom:\n      valve", "    outer_bom:\n      valve", "outer_bom: no joint of"),
     ],
 )

@@ -11,7 +11,7 @@ UNKNOWN = {"supply_a": 1e-7, "a_tank": 1e-7, "supply_b": 1e-7, "b_tank": 1e-7}
 
 
 def valve(lag: float, frequency: float, damping: float) -> ValveValues:
-    values = {"dead_zone_a": 0.0, "dead_zone_b": 0.0, "hysteresis": 0.0, "lag": lag}
+    values = {"dead_band_a": 0.0, "dead_band_b": 0.0, "hysteresis": 0.0, "lag": lag}
     values |= {"natural_frequency": frequency, "damping_ratio": damping} | UNKNOWN
     units = ValveValues.units
     return ValveValues(**{name: Measured(value=values[name], unit=units[name]) for name in units})

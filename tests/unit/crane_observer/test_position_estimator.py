@@ -126,7 +126,7 @@ def test_pressures_that_are_lost_are_named_and_recovered_from() -> None:
     )
     assert lost.sum() == 1
     (k,) = np.flatnonzero(lost)
-    dead = [joint.valve.dead_zone_a.value for joint in known().hydraulics.joints.values()]
+    dead = [joint.valve.dead_band_a.value for joint in known().hydraulics.joints.values()]
     moves = (np.abs(given.commands[begin - 20 : begin + 60]) > dead).any(axis=0)
     assert 0 < moves.sum() < len(moves)  # behind a closed valve nothing can have happened
     grown = course.deviation[k] / course.deviation[k - 1]

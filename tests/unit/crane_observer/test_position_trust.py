@@ -26,11 +26,11 @@ def with_hydraulics(**changes: Any) -> Model:
     return replace(model, hydraulics=model.hydraulics.model_copy(update={"joints": joints}))
 
 
-def dead_zones(std_dev: float) -> dict[str, Any]:
+def dead_bands(std_dev: float) -> dict[str, Any]:
     valve = known().hydraulics.joints[JOINTS[JOINT]].valve
     found = {
         name: getattr(valve, name).model_copy(update={"std_dev": std_dev})
-        for name in ("dead_zone_a", "dead_zone_b")
+        for name in ("dead_band_a", "dead_band_b")
     }
     return {"valve": valve.model_copy(update=found)}
 
@@ -40,9 +40,9 @@ def null_of(model: Model) -> float:
     return float(of.spread[of.layout.null][JOINT])
 
 
-def test_a_null_is_as_sure_as_the_dead_zones_were_identified() -> None:
+def test_a_null_is_as_sure_as_the_dead_bands_were_identified() -> None:
     for std_dev in (1e-5, 1e-3):
-        assert null_of(with_hydraulics(**dead_zones(std_dev))) == pytest.approx(std_dev, rel=0.1)
+        assert null_of(with_hydraulics(**dead_bands(std_dev))) == pytest.approx(std_dev, rel=0.1)
 
 
 def test_flow_that_is_left_unexplained_makes_a_null_less_sure() -> None:

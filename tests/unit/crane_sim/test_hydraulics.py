@@ -102,7 +102,7 @@ def test_oil_that_flows_in_fills_is_compressed_or_leaks(
     assert step * entered == pytest.approx(step * growth + compressed + leaked, abs=1e-15)
 
 
-def test_dead_zone_and_stroke_of_the_spool(machine: Machine, simulated: SimulatedCrane) -> None:
+def test_dead_band_and_stroke_of_the_spool(machine: Machine, simulated: SimulatedCrane) -> None:
     """Nothing opens inside the overlap; the spool reaches its command and stops at its end."""
     assert opening(0.05, 0.06) == opening(-0.06, 0.06) == 0.0
     assert opening(1.0, 0.06) == 1.0 and opening(-1.0, 0.06) == -1.0

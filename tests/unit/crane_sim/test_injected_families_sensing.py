@@ -79,11 +79,11 @@ def test_the_pulsation_of_every_machine_is_below_the_noise_and_aliased(machine: 
 
 
 def test_valves_leaks_and_walls(machine: Machine, simulated: SimulatedCrane) -> None:
-    zone = simulated.valves[JOINT].dead_zone
+    zone = simulated.valves[JOINT].dead_band
     x = opening(0.5, zone)
     for effect, form, values, wanted in (
-        ("valve_dead_zone", "hard_overlap", (0.1,), x - 0.1),
-        ("valve_dead_zone", "uneven_overlap", (0.1, 0.4), x - 0.14),
+        ("valve_dead_band", "hard_overlap", (0.1,), x - 0.1),
+        ("valve_dead_band", "uneven_overlap", (0.1, 0.4), x - 0.14),
         ("valve_asymmetry", "one_way", (0.2,), 1.4 * x),
         ("valve_asymmetry", "by_and_by", (0.2, 0.01), x * (1 + 0.2 * x / (x + 0.01))),
         ("valve_hysteresis", "two_plays", (0.06, 0.5), opening(0.5 - 0.03 * 0.75, zone)),

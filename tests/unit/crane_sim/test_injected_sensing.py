@@ -95,8 +95,8 @@ def spool(injected: Rig, position: float) -> float:
 
 def test_valves(machine: Machine, simulated: SimulatedCrane) -> None:
     """More overlap, two gains, edges that trail; what they change in the flow is noted."""
-    zone = simulated.valves["outer_boom"].dead_zone
-    overlap = rig(simulated, machine, planted("valve_dead_zone", JOINT, 0.1, 0.004))
+    zone = simulated.valves["outer_boom"].dead_band
+    overlap = rig(simulated, machine, planted("valve_dead_band", JOINT, 0.1, 0.004))
     gains = rig(simulated, machine, planted("valve_asymmetry", JOINT, 0.2, 0.004))
     for position in (-0.8, -0.3, 0.3, 0.8):
         x = opening(position, zone)

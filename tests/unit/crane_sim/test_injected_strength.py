@@ -43,7 +43,7 @@ CATALOGUE = {
     "pad_friction", "position_friction", "cyclic_friction", "viscous_quadratic", "warm_up",
     "pressure_offset", "pressure_gain", "chamber_gain", "encoder_offset", "base_tilt", "payload",
     "hose_stiffness", "hose_mass", "actuator_inertia", "backlash", "boom_flexibility", "time_skew",
-    "end_cushioning", "swinging_load", "slew_coupling", "valve_dead_zone", "valve_hysteresis",
+    "end_cushioning", "swinging_load", "slew_coupling", "valve_dead_band", "valve_hysteresis",
     "valve_asymmetry", "internal_leakage", "oil_compressibility",
 }  # fmt: skip
 
@@ -225,7 +225,7 @@ def test_an_effect_that_cannot_be_so_weak_is_refused_before_all_tries(
 ) -> None:
     """The corner of an overlap stays, however narrow its band is."""
     effect = InjectedEffect(
-        effect="valve_dead_zone", form="soft_overlap", joint="telescope", strength=1e-4
+        effect="valve_dead_band", form="soft_overlap", joint="telescope", strength=1e-4
     )
     builds = 0
 
@@ -235,7 +235,7 @@ def test_an_effect_that_cannot_be_so_weak_is_refused_before_all_tries(
         return Plant(simulated, machine, *given)
 
     wanted = draw(Spec(effects=(effect,)), machine, simulated)
-    with pytest.raises(UnmovedError, match=r"valve_dead_zone.*however small its band; 0\.0001 was"):
+    with pytest.raises(UnmovedError, match=r"valve_dead_band.*however small its band; 0\.0001 was"):
         reach(wanted, machine, simulated, motion, gains, build)
     assert builds < MAX_TRIES
 

@@ -45,14 +45,14 @@ def test_lines_are_obeyed_and_wrong_ones_named() -> None:
 
 @pytest.mark.parametrize("joint", JOINTS)
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_null_bias_shifts_the_dead_zone_of_the_joint(
+def test_a_null_bias_shifts_the_dead_band_of_the_joint(
     joint: str, sign: float, machine: Machine, simulated: SimulatedCrane
 ) -> None:
     """Whatever the sense of the cylinder."""
     valve = simulated.valves[joint].model_copy(update={"null_bias": 0.02})
     valves = {**simulated.valves, joint: valve}
     parameters = simulated.model_copy(update={"valves": valves})
-    edge = sign * valve.dead_zone + 0.02
+    edge = sign * valve.dead_band + 0.02
     index, moved = JOINTS.index(joint), []
     for command in (edge - sign * 0.005, edge + sign * 0.03):
         plant = Plant(parameters, machine, parameters.start)
@@ -64,7 +64,7 @@ def test_a_null_bias_shifts_the_dead_zone_of_the_joint(
 
 def test_a_null_bias_that_opens_a_centred_valve_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "plant.yaml"
-    base = load_simulated_crane().valves["slew"].dead_zone
+    base = load_simulated_crane().valves["slew"].dead_band
     path.write_text(
         f"base: {machine_file('simulated_crane.yaml')}\n"
         f"valves: {{slew: {{null_bias: {base + 0.01}}}}}\n"

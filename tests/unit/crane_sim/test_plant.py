@@ -42,9 +42,9 @@ def test_positive_command_moves_the_joint_in_its_positive_direction(
     assert np.abs(np.delete(moved, joint)).max() < 0.02
 
 
-def test_commands_inside_the_dead_zone_do_nothing(plant: Plant, simulated: SimulatedCrane) -> None:
-    """0.8 of every dead zone for two seconds."""
-    plant.advance(0.8 * column(simulated.valves, "dead_zone"), 2.0)
+def test_commands_inside_the_dead_band_do_nothing(plant: Plant, simulated: SimulatedCrane) -> None:
+    """0.8 of every dead band for two seconds."""
+    plant.advance(0.8 * column(simulated.valves, "dead_band"), 2.0)
     assert (plant.q == simulated.start).all()
 
 

@@ -31,7 +31,7 @@ def test_other_machines(simulated: SimulatedCrane, machine: Machine, tmp_path: P
 
 
 def test_valves_for_differential_cylinders(simulated: SimulatedCrane, machine: Machine) -> None:
-    """Edges by the areas of the cylinder and as fast as before; no dead zone beyond its own."""
+    """Edges by the areas of the cylinder and as fast as before; no dead band beyond its own."""
     one, again, other = (vary_valves(simulated, machine, seed, 0.1) for seed in (1, 1, 2))
     assert one == again != other
     exact = vary_valves(simulated, machine, 1, 0.0)
@@ -52,6 +52,6 @@ def test_valves_for_differential_cylinders(simulated: SimulatedCrane, machine: M
         assert resistance == pytest.approx(cylinder.area_a**2 + cylinder.area_b**2)
         for edge in Edges.model_fields:
             assert 0.9 <= getattr(valve.edges, edge) / getattr(shares, edge) <= 1.1
-        up, down = valve.dead_zone + valve.null_bias, valve.dead_zone - valve.null_bias
+        up, down = valve.dead_band + valve.null_bias, valve.dead_band - valve.null_bias
         assert up != down
-        assert 0.85 * given.dead_zone <= min(up, down) <= max(up, down) <= given.dead_zone
+        assert 0.85 * given.dead_band <= min(up, down) <= max(up, down) <= given.dead_band

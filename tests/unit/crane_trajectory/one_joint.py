@@ -51,7 +51,7 @@ def hydraulics(**changes: float) -> ValvesAndOil:
         "length_min": actuator.length_min, "length_max": actuator.length_max,
         "dead_volume_a": 1e-4, "dead_volume_b": 1e-4, "bulk_modulus": 1.2e9, "leakage": 0.0,
         "supply_a": 1e-7, "a_tank": 1e-7, "supply_b": 1e-7, "b_tank": 1e-7,
-        "dead_zone_extend": 0.06, "dead_zone_retract": 0.05, "play": 0.0, "lag": 0.015,
+        "dead_band_extend": 0.06, "dead_band_retract": 0.05, "play": 0.0, "lag": 0.015,
         "supply_pressure": 16e6, "tank_pressure": 2e5,
     }  # fmt: skip
     return ValvesAndOil(**{name: np.array([v]) for name, v in (values | changes).items()})
@@ -115,7 +115,7 @@ class Boom:
             half = 0.5 * h["play"]
             edge = min(max(edge, y - half), y + half)
             extends = edge > 0.0
-            dead = h["dead_zone_extend"] if extends else h["dead_zone_retract"]
+            dead = h["dead_band_extend"] if extends else h["dead_band_retract"]
             opening = np.sign(edge) * max(abs(edge) - dead, 0.0) / (1.0 - dead)
             at = self.reference(time)
             _, lever = length_and_lever(table, q)

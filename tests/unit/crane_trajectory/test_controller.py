@@ -1,4 +1,4 @@
-"""Properties of the controller (36), and its behaviour on a valve with a dead zone."""
+"""Properties of the controller (36), and its behaviour on a valve with a dead band."""
 
 import json
 
@@ -76,7 +76,7 @@ def test_continuous_across_standstill_and_its_band(joint):
     standstill = GAINS.standstill_speed[joint]
     velocity = np.linspace(-2 * standstill, 2 * standstill, 4001)
     u = uniform(ROWS[joint], 0.0, velocity, 0.0, 0.0)
-    widest = max(GAINS.dead_zone_positive[joint], GAINS.dead_zone_negative[joint])
+    widest = max(GAINS.dead_band_positive[joint], GAINS.dead_band_negative[joint])
     assert np.abs(np.diff(u)).max() < 0.002 * widest + 1e-4
 
 
@@ -92,7 +92,7 @@ def test_at_rest_within_tolerance_the_valve_stays_closed(joint, share):
 
 @settings(deadline=None)
 @given(column, st.floats(2.0, 5.0), st.sampled_from([-1.0, 1.0]))
-def test_at_rest_beyond_twice_the_tolerance_the_dead_zone_is_crossed(joint, times, sign):
+def test_at_rest_beyond_twice_the_tolerance_the_dead_band_is_crossed(joint, times, sign):
     _, _, up, down, _, tolerance = ROWS[joint]
     u = joint_command(ROWS[joint], -sign * times * tolerance, 0.0, 0.0, 0.0)
     assert sign * u > (up if sign > 0 else down)
@@ -111,7 +111,7 @@ def test_outside_the_standstill_band_compensation_has_the_sign_of_the_motion(
 
 
 def test_without_compensation_it_is_pd():
-    gains = GAINS._replace(dead_zone_positive=np.zeros(4), dead_zone_negative=np.zeros(4))
+    gains = GAINS._replace(dead_band_positive=np.zeros(4), dead_band_negative=np.zeros(4))
     rng = np.random.default_rng(0)
     for _ in range(100):
         q, velocity, q_ref, velocity_ref = rng.normal(0.0, 0.1, (4, 4))
@@ -133,7 +133,7 @@ def test_a_command_is_never_made_of_inputs_that_are_not_finite(bad, kind, joint)
 
 
 def test_gains_that_open_the_valve_at_rest_are_refused(tmp_path):
-    text = "{kp: 20, kd: 0, dead_zone_positive: 0.06, dead_zone_negative: 0.02, "
+    text = "{kp: 20, kd: 0, dead_band_positive: 0.06, dead_band_negative: 0.02, "
     text += "standstill_speed: 0.01, position_tolerance: 0.002}"
     path = tmp_path / "gains.yaml"
     path.write_text("".join(f"{joint}: {text}\n" for joint in JOINTS))
@@ -164,8 +164,8 @@ def test_the_law_reads_gains_by_name():
     parts = {
         "kp": ((0.01, moving, 0.0, moving), -0.01),
         "kd": ((0.0, moving, 0.0, moving - 0.01), -0.01),
-        "dead_zone_positive": ((0.0, moving, 0.0, moving), 1.0),
-        "dead_zone_negative": ((0.0, -moving, 0.0, -moving), -1.0),
+        "dead_band_positive": ((0.0, moving, 0.0, moving), 1.0),
+        "dead_band_negative": ((0.0, -moving, 0.0, -moving), -1.0),
     }
     for name, (inputs, slope) in parts.items():
         more = row._replace(**{name: getattr(row, name) + 0.01})
@@ -174,9 +174,9 @@ def test_the_law_reads_gains_by_name():
 
 
 @pytest.mark.parametrize("joint", range(4))
-def test_follows_a_sine_and_then_holds_still_behind_a_dead_zone(joint):
-    """A velocity source behind a dead zone and a lag: tracks, comes to rest, opens no valve."""
-    dead_zone, top_speed, lag, step = GAINS.dead_zone_positive[joint], 0.6, 0.02, 0.005
+def test_follows_a_sine_and_then_holds_still_behind_a_dead_band(joint):
+    """A velocity source behind a dead band and a lag: tracks, comes to rest, opens no valve."""
+    dead_band, top_speed, lag, step = GAINS.dead_band_positive[joint], 0.6, 0.02, 0.005
     q, velocity, spool = 0.05, 0.0, 0.0
     errors, commands = [], []
     for i in range(12_000):
@@ -186,7 +186,7 @@ def test_follows_a_sine_and_then_holds_still_behind_a_dead_zone(joint):
         velocity_ref = 0.04 * np.pi * np.sin(0.2 * np.pi * time) if moving else 0.0
         u = joint_command(ROWS[joint], q, velocity, q_ref, velocity_ref)
         spool += (u - spool) * step / lag
-        velocity = top_speed * np.sign(spool) * max(abs(spool) - dead_zone, 0.0)
+        velocity = top_speed * np.sign(spool) * max(abs(spool) - dead_band, 0.0)
         q += velocity * step
         errors.append(q - q_ref)
         commands.append(u)

@@ -31,7 +31,7 @@ from crane_model.record import Record
 from crane_trajectory.control.choice import (
     MAY_LEARN,
     NAMES,
-    PD_DEAD_ZONE,
+    PD_DEAD_BAND,
     Learning,
     controller,
     in_words,
@@ -42,7 +42,7 @@ from crane_trajectory.control.choice import (
 from crane_trajectory.control.controller import (
     ControlCondition,
     GainFields,
-    PdDeadZone,
+    PdDeadBand,
     Point,
     SensorReading,
     Tuning,
@@ -63,7 +63,7 @@ def reading(position: float, velocity: float) -> SensorReading:
 
 
 def test_36_is_itself_when_its_start_is_over() -> None:
-    made, at = PdDeadZone(GAINS), swing(0.7)
+    made, at = PdDeadBand(GAINS), swing(0.7)
     made.start(np.array([0.3]))
     first = made.command(DT, reading(0.0, 0.01), Wanted(at, at))
     assert first[0] == pytest.approx(0.3)
@@ -74,7 +74,7 @@ def test_36_is_itself_when_its_start_is_over() -> None:
 
 
 def test_36_waits_for_a_velocity_and_stops_where_it_is_lost() -> None:
-    made, at = PdDeadZone(GAINS), swing(0.7)
+    made, at = PdDeadBand(GAINS), swing(0.7)
     assert not made.command(DT, reading(0.0, 0.0), Wanted(at, at)).any()
     assert made.conditions == (ControlCondition.NOT_INITIALISED,)
     made.start(ZERO)
@@ -89,7 +89,7 @@ def test_36_waits_for_a_velocity_and_stops_where_it_is_lost() -> None:
 
 def test_learning_does_not_diverge_in_20_periods() -> None:
     wrong = hydraulics(
-        supply_a=0.8e-7, b_tank=0.8e-7, dead_zone_extend=0.05, dead_zone_retract=0.06
+        supply_a=0.8e-7, b_tank=0.8e-7, dead_band_extend=0.05, dead_band_retract=0.06
     )
     led = FlowFeedforward(MACHINE, model(), wrong)
     made = Learning(led, led, PERIOD)
@@ -168,7 +168,7 @@ def test_hydraulics_that_cannot_be_are_refused(field: str, value: float) -> None
 
 
 VALUES = {
-    "dead_zone_a": 0.06, "dead_zone_b": 0.05, "hysteresis": 0.0, "lag": 0.015,
+    "dead_band_a": 0.06, "dead_band_b": 0.05, "hysteresis": 0.0, "lag": 0.015,
     "natural_frequency": 150.0, "damping_ratio": 0.8,
     "supply_a": 1e-7, "a_tank": 1e-7, "supply_b": 1e-7, "b_tank": 1e-7,
 }  # fmt: skip
@@ -198,11 +198,11 @@ def known(of: Model, *joints: str, chambers: bool = True) -> Model:
 def test_every_controller_by_name_follows(name: str) -> None:
     made = controller(name, MACHINE, GAINS, known(model(), JOINT))
     made.start(ZERO)
-    assert Boom(made).run(PERIOD).rms() < (0.05 if name == PD_DEAD_ZONE else 1e-3)
+    assert Boom(made).run(PERIOD).rms() < (0.05 if name == PD_DEAD_BAND else 1e-3)
 
 
 def test_what_a_controller_lacks_is_said() -> None:
-    with pytest.raises(ConfigurationError, match="no controller 'pid'; there are pd_dead_zone"):
+    with pytest.raises(ConfigurationError, match="no controller 'pid'; there are pd_dead_band"):
         controller("pid", MACHINE, GAINS)
     with pytest.raises(ConfigurationError, match="needs an identified model with the hydraulics"):
         controller("flow_feedforward", MACHINE, GAINS, model())
@@ -228,7 +228,7 @@ def test_joints_without_hydraulics_are_led_by_36_and_both_stop_together() -> Non
         u = made.command(DT, shown, Wanted(at, at))
     led = [crane.joint_names.index(joint) for joint in there]
     lone = [k for k in range(len(still)) if k not in led]
-    pd = PdDeadZone(gains)
+    pd = PdDeadBand(gains)
     pd.start(zero)
     for _ in range(50):
         expected = pd.command(DT, shown, Wanted(at, at))
@@ -245,7 +245,7 @@ def test_what_was_learnt_is_saved_in_the_model_and_loaded_again(tmp_path: Path) 
     led = led_by_model(made)
     assert led is not None
     made.start(ZERO)
-    true = hydraulics(dead_zone_extend=0.08, dead_zone_retract=0.03, supply_a=0.8e-7)
+    true = hydraulics(dead_band_extend=0.08, dead_band_retract=0.03, supply_a=0.8e-7)
     course = Boom(made, true).run(4 * PERIOD)
     told = dict(in_words(led))
     assert any("extending" in what and value.startswith("0.08") for what, value in told.items())
@@ -277,4 +277,4 @@ def test_joints_led_by_the_model_are_kept_within_a_tenth() -> None:
     tight = tuning.tightened(np.array([True, False]))
     np.testing.assert_allclose(tight.tolerance, [0.02, 0.1])
     assert controller("flow_feedforward", MACHINE, GAINS, known(model(), JOINT)).by_model.all()
-    assert not controller(PD_DEAD_ZONE, MACHINE, GAINS).by_model.any()
+    assert not controller(PD_DEAD_BAND, MACHINE, GAINS).by_model.any()

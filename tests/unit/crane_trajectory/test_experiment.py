@@ -55,7 +55,7 @@ class Crane:
         self.path: list[np.ndarray] = []
 
     def cycle(self) -> None:
-        """The valve opens beyond its dead zone; the joint moves with 1 rad/s or m/s at most."""
+        """The valve opens beyond its dead band; the joint moves with 1 rad/s or m/s at most."""
         self.now += PERIOD
         u = self.experiment.sample(self.now, self.q, self.v, self.now)
         if u is not None:

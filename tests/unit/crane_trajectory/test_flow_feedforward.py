@@ -28,9 +28,9 @@ from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_
 from crane_trajectory.control.valves_and_oil import USED_AGAIN, ValvesAndOil
 
 GOOD = 2e-4  # rad, an error of a swing of 0.3 rad
-DEAD_ZONE = 0.06
+DEAD_BAND = 0.06
 LARGEST_JUMP = 0.02
-"""Of the command of a transition, beyond what crosses the dead zone."""
+"""Of the command of a transition, beyond what crosses the dead band."""
 
 
 def controller(
@@ -44,10 +44,10 @@ def controller(
 
 
 def jump(course: Course, begin: float, end: float) -> float:
-    """Largest change of the opening from cycle to cycle: of the command beyond its dead zone."""
+    """Largest change of the opening from cycle to cycle: of the command beyond its dead band."""
     inside = (course.time >= begin) & (course.time < end)
     u = course.command[inside]
-    opening = np.sign(u) * np.maximum(np.abs(u) - DEAD_ZONE, 0.0)
+    opening = np.sign(u) * np.maximum(np.abs(u) - DEAD_BAND, 0.0)
     return float(np.abs(np.diff(opening)).max())
 
 
@@ -182,16 +182,16 @@ def test_at_the_largest_command_that_is_allowed_it_is_saturated_and_nothing_wors
     assert ControlCondition.SATURATED in course.had(0.5, 2 * PERIOD)
 
 
-def test_learns_dead_zones_and_gains() -> None:
+def test_learns_dead_bands_and_gains() -> None:
     wrong = hydraulics(
-        dead_zone_extend=0.072, dead_zone_retract=0.04, supply_a=1.2e-7, a_tank=0.8e-7
+        dead_band_extend=0.072, dead_band_retract=0.04, supply_a=1.2e-7, a_tank=0.8e-7
     )
     fixed, made = Boom(controller(wrong)).run(4 * PERIOD), controller(wrong, adaptive=True)
     course = Boom(made).run(4 * PERIOD)
     assert course.rms(2 * PERIOD) < 0.3 * fixed.rms(2 * PERIOD)
     learnt = made.memory.learnt[0, 0]
     c_a, c_b = learnt["gain"]
-    assert learnt["dead_zone"] == pytest.approx(0.06, abs=0.003)
+    assert learnt["dead_band"] == pytest.approx(0.06, abs=0.003)
     assert 1.2e-7 / c_a == pytest.approx(1e-7 / 0.94, rel=0.04)
     assert 1e-7 / c_b == pytest.approx(1e-7 / 0.94, rel=0.04)
 

@@ -376,8 +376,8 @@ def gains(bench: Bench, controller: Path) -> None:
             content[joint] |= {
                 "kp": significant(result.kp),
                 "kd": significant(result.kd),
-                "dead_zone_positive": significant(bands[joint].positive.dead_band),
-                "dead_zone_negative": significant(bands[joint].negative.dead_band),
+                "dead_band_positive": significant(bands[joint].positive.dead_band),
+                "dead_band_negative": significant(bands[joint].negative.dead_band),
                 "position_tolerance": significant(result.position_tolerance),
             }
 

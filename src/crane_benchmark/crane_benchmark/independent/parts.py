@@ -191,7 +191,7 @@ def pack_independent(parameters: SimulatedCrane, machine: Machine, make: Make) -
     shares = [(v.edges.supply_a, v.edges.a_tank, v.edges.supply_b, v.edges.b_tank) for v in valves]
     null = sense * np.array([valve.null_bias for valve in valves])
     ways = np.array([1.0, -1.0, -1.0, 1.0])  # of the spool, that open each edge
-    overlap = np.array([valve.dead_zone for valve in valves])[:, np.newaxis] + np.outer(null, ways)
+    overlap = np.array([valve.dead_band for valve in valves])[:, np.newaxis] + np.outer(null, ways)
     supply, hydraulics = parameters.supply, machine.hydraulics
     return IndependentParts(
         kind=np.array([linkage.kind for linkage in linkages]),

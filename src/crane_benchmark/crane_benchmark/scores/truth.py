@@ -72,11 +72,11 @@ def beyond_usual(
     p_a, p_b = _pressures(joint, record)
     valve = simulated.valves[joint]
     match effect.name:
-        case "valve_dead_zone":
-            dead_zone = valve.dead_zone
+        case "valve_dead_band":
+            dead_band = valve.dead_band
             band = given["band"] * (1.0 + abs(given.get("lean", 0.0)))
-            value = dead_zone + abs(valve.null_bias) + (1.0 - dead_zone) * band
-            limit = usual.dead_zone[joint]
+            value = dead_band + abs(valve.null_bias) + (1.0 - dead_band) * band
+            limit = usual.dead_band[joint]
         case "valve_hysteresis":
             # of two plays the mean, of half the weight each
             value = given["width"] * (1.0 + given.get("inner", 1.0)) / 2.0

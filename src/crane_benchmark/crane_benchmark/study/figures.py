@@ -9,7 +9,7 @@ from crane_benchmark.measured import MeasuredRow, of_joints
 from crane_benchmark.study.following import AHEAD, HYDRAULIC_AIMS, TRAINED, Followed
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE
+from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND
 from crane_trajectory.excitation.criterion import information, one_period, relative_std_devs
 from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.motion.periodic import FourierTrajectory
@@ -46,7 +46,7 @@ def following_rows(followed: Followed) -> Iterator[MeasuredRow]:
         )
     for name, by_law in followed.rms.items():
         for law in NAMES:
-            yield _law_row(name, law, by_law[law], by_law[PD_DEAD_ZONE], followed.joints)
+            yield _law_row(name, law, by_law[law], by_law[PD_DEAD_BAND], followed.joints)
 
 
 def _law_row(
@@ -56,7 +56,7 @@ def _law_row(
     values = {key: MILLI * rms[joint] for key, joint in zip(keys, joints, strict=True)}
     shown = "/".join(f"{{{key}:.3g}}" for key in keys)
     seen = "" if name == TRAINED else ", which nothing was fitted to"
-    if law == PD_DEAD_ZONE:
+    if law == PD_DEAD_BAND:
         what = f"rms error on {name}{seen}, by (36) ({'/'.join(joints)}) [mrad, mm]"
         return MeasuredRow(cells=[what, "", shown], values=values)
     better = {f"{key}_better": before[j] / rms[j] for key, j in zip(keys, joints, strict=True)}

@@ -20,7 +20,7 @@ from crane_sim.make_bag import write_bag
 from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.closed_loop import REST_S, LatePlant, SimulatedRecording, mean_delay, record
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
+from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND, controller
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion, plan
@@ -51,7 +51,7 @@ class Aim(NamedTuple):
 
 
 HYDRAULIC_AIMS = {
-    "dead zones": Aim(("dead_zone_a", "dead_zone_b"), 0.001, 0.002),
+    "dead bands": Aim(("dead_band_a", "dead_band_b"), 0.001, 0.002),
     "flow gains": Aim(("supply_a", "a_tank", "supply_b", "b_tank"), 0.001, 0.001),
     "1/beta": Aim(("bulk_modulus",), 0.01, 0.02),
     "dead volumes": Aim(("dead_volume_a", "dead_volume_b"), 0.05, 0.08),
@@ -153,7 +153,7 @@ class _Led(NamedTuple):
 
 
 def _led(
-    name: str, periods: int, seed: int, law: str = PD_DEAD_ZONE, model: Model | None = None
+    name: str, periods: int, seed: int, law: str = PD_DEAD_BAND, model: Model | None = None
 ) -> _Led:
     """The simulated crane behind a bus, led through a trajectory from where it rests."""
     machine, simulated = load_machine(), load_simulated_crane()

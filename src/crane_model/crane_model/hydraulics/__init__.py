@@ -45,7 +45,7 @@ class _Values(Schema):
         return {name: getattr(self, name) for name in self.units}
 
 
-_RANGES = {"dead_zone_a": (0.0, 0.9), "dead_zone_b": (0.0, 0.9), "hysteresis": (0.0, 1.0)}
+_RANGES = {"dead_band_a": (0.0, 0.9), "dead_band_b": (0.0, 0.9), "hysteresis": (0.0, 1.0)}
 
 
 class ValveValues(_Values):
@@ -57,8 +57,8 @@ class ValveValues(_Values):
     """
 
     units: ClassVar[dict[str, str]] = {
-        "dead_zone_a": "1",
-        "dead_zone_b": "1",
+        "dead_band_a": "1",
+        "dead_band_b": "1",
         "hysteresis": "1",
         "lag": "s",
         "natural_frequency": "rad/s",
@@ -69,8 +69,8 @@ class ValveValues(_Values):
         "b_tank": GAIN_UNIT,
     }
 
-    dead_zone_a: Measured
-    dead_zone_b: Measured
+    dead_band_a: Measured
+    dead_band_b: Measured
     hysteresis: Measured
     lag: Measured
     natural_frequency: Measured

@@ -69,7 +69,7 @@ def valve_openings(
         valve.damping_ratio.value,
     )
     edges = trailing(y, valve.hysteresis.value)
-    return openings(edges, valve.dead_zone_a.value, valve.dead_zone_b.value)
+    return openings(edges, valve.dead_band_a.value, valve.dead_band_b.value)
 
 
 def simulate_openings(
@@ -344,9 +344,9 @@ class IdentifiedSimulation:
         self._circuit = circuit_of(model)
         self._mechanics = ModelMechanics(model, {}, MAX_CYCLE_S, self._circuit)
         valves = [known.joints[joint].valve for joint in model.joints]
-        names = "natural_frequency", "damping_ratio", "hysteresis", "dead_zone_a", "dead_zone_b"
+        names = "natural_frequency", "damping_ratio", "hysteresis", "dead_band_a", "dead_band_b"
         values = [[getattr(valve, name).value for valve in valves] for name in names]
-        self._frequency, self._damping, self._play, *self._dead_zones = np.array(values)
+        self._frequency, self._damping, self._play, *self._dead_bands = np.array(values)
         limits = [machine.limits[joint] for joint in model.joints]
         self._low = np.array([limit.position_min for limit in limits])
         self._high = np.array([limit.position_max for limit in limits])
@@ -397,7 +397,7 @@ class IdentifiedSimulation:
             self._spools, asked, period / steps, self._frequency, self._damping, self._play
         )
         between = np.empty((1, *edges.shape))
-        for j, (a, b) in enumerate(zip(*self._dead_zones, strict=True)):
+        for j, (a, b) in enumerate(zip(*self._dead_bands, strict=True)):
             between[0, ..., j] = openings(edges[..., j].ravel(), a, b).reshape(edges.shape[:2])
         course = CraneCourse(*(np.concatenate((values, values)) for values in self._state))
         mechanics = replace(

@@ -189,21 +189,21 @@ def trailing(y: Array, play: float) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def opening(z: float, dead_zone_a: float, dead_zone_b: float) -> float:
-    """o of edges at z: nothing within the dead zones, 1 or -1 at the end of the stroke."""
-    if z > dead_zone_a:
-        return (z - dead_zone_a) / (1.0 - dead_zone_a)
-    if z < -dead_zone_b:
-        return (z + dead_zone_b) / (1.0 - dead_zone_b)
+def opening(z: float, dead_band_a: float, dead_band_b: float) -> float:
+    """o of edges at z: nothing within the dead bands, 1 or -1 at the end of the stroke."""
+    if z > dead_band_a:
+        return (z - dead_band_a) / (1.0 - dead_band_a)
+    if z < -dead_band_b:
+        return (z + dead_band_b) / (1.0 - dead_band_b)
     return 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def openings(z: Array, dead_zone_a: float, dead_zone_b: float) -> Array:
+def openings(z: Array, dead_band_a: float, dead_band_b: float) -> Array:
     """o (n,) of edges at z (n,)."""
     out = np.empty(len(z))
     for k in range(len(z)):
-        out[k] = opening(z[k], dead_zone_a, dead_zone_b)
+        out[k] = opening(z[k], dead_band_a, dead_band_b)
     return out
 
 

@@ -31,7 +31,7 @@ NUMERIC_ZERO = 1e-9  # rad, m: what numbers round
 READING_GAP = 0.1  # s between two readings, behind which all begins anew
 JUMP_STEPS = 8.0  # of the encoder, at least
 
-OPEN_COMMAND = 0.3  # of the largest command, beyond the dead zones of all valves
+OPEN_COMMAND = 0.3  # of the largest command, beyond the dead bands of all valves
 SUPPLY_LEFT = 1e6  # Pa of the supply above either chamber
 STANDS_FOR = 0.3  # s
 

@@ -3,7 +3,7 @@
 What the model is off by on a machine, always and alike, is taken off first (`trim`). A transducer
 whose zero is off makes a flow that follows the slope of the valve's edge at the pressures of the
 moment, so it shows most where an edge has next to no pressure left; what the identification made of
-it is an error of the gains, up and down. A dead zone that is off makes the slowest motions err
+it is an error of the gains, up and down. A dead band that is off makes the slowest motions err
 most, and oil that is softer each change of pressure. A valve that follows its command later or
 sooner than the model says errs with each change of its opening; of a joint that hunts, all that
 adds up. A leak that is not that of the model creeps while the joint stands. In a block
@@ -48,7 +48,7 @@ from crane_observer.monitor.blocks import BLOCK, FlowBlock
 
 TRIM_SPAN = 20  # blocks, over which what encoders round hardly counts
 TRIM_EXPECTED = np.array([1e5, 0.02, 0.02, 2e-4, 2e-4, 0.05, 5e-3, 1e-13])
-"""Standard deviations of zero [Pa], up, down, dead zones [of the stroke], softer, late [s] and leak
+"""Standard deviations of zero [Pa], up, down, dead bands [of the stroke], softer, late [s] and leak
 [m3/(s Pa)]."""
 TERMS = len(TRIM_EXPECTED)
 TRIM_OUTLYING = 3.0  # times the usual residual, beyond which a span counts less

@@ -44,7 +44,7 @@ class AssumedValve:
     load_drift: float = 5.0  # kg/sqrt(s)
     null_doubt: float = 0.03  # of the stroke
     stroke_doubt: float = 0.1  # of the stroke of a window, beside these
-    dead_zone: float = 0.05  # of the stroke
+    dead_band: float = 0.05  # of the stroke
     lag: float = 0.05  # s
     natural_frequency: float = 60.0  # rad/s
     damping_ratio: float = 1.0
@@ -93,7 +93,7 @@ def _assumed(machine: Machine, joint: str) -> JointHydraulics:
     gain = fastest * area / np.sqrt(machine.hydraulics.supply_pressure / 2.0)
     swept = chambers.empty_b - chambers.empty_a
     values = {
-        "dead_zone_a": valve.dead_zone, "dead_zone_b": valve.dead_zone, "hysteresis": 0.0,
+        "dead_band_a": valve.dead_band, "dead_band_b": valve.dead_band, "hysteresis": 0.0,
         "lag": valve.lag, "natural_frequency": valve.natural_frequency,
         "damping_ratio": valve.damping_ratio, "bulk_modulus": valve.bulk_modulus, "leakage": 0.0,
         "supply_a": gain, "a_tank": gain, "supply_b": gain, "b_tank": gain,
@@ -145,8 +145,8 @@ class Spools(NamedTuple):
     frequency: Array  # (j,) rad/s
     damping: Array  # (j,)
     play: Array  # (j,)
-    dead_zone_a: Array  # (j,)
-    dead_zone_b: Array  # (j,)
+    dead_band_a: Array  # (j,)
+    dead_band_b: Array  # (j,)
 
 
 def spools_of(model: Model) -> Spools:
@@ -160,7 +160,7 @@ def spools_of(model: Model) -> Spools:
         sense = np.sign(lever_arm(machine, joint, middle)[0])
         rows.append(
             (sense, valve.delay, valve.spool_frequency, valve.damping_ratio.value,
-             valve.hysteresis.value, valve.dead_zone_a.value, valve.dead_zone_b.value)
+             valve.hysteresis.value, valve.dead_band_a.value, valve.dead_band_b.value)
         )  # fmt: skip
     return Spools(*np.array(rows, dtype=float).T.copy())
 
@@ -237,7 +237,7 @@ def add_interval(
             share = (part + 0.5) / PARTS_PER_INTERVAL
             p_a = before[0, j] + share * (after[0, j] - before[0, j])
             p_b = before[1, j] + share * (after[1, j] - before[1, j])
-            o = opening(z, spools.dead_zone_a[j], spools.dead_zone_b[j])
+            o = opening(z, spools.dead_band_a[j], spools.dead_band_b[j])
             q_a, slope_a, q_b, slope_b = chamber_flows(circuit, j, o, p_a, p_b, supply)
             leak = circuit.leakage[j] * (p_a - p_b)
             total.flow[0] += step * (q_a - leak)
@@ -247,7 +247,7 @@ def add_interval(
             piston = circuit.area_a[j] * p_a - circuit.area_b[j] * p_b  # (19)
             total.impulse += step * piston
             total.moment += step * piston * (middle - since)
-            dead = spools.dead_zone_a[j] if z > 0.0 else spools.dead_zone_b[j]
+            dead = spools.dead_band_a[j] if z > 0.0 else spools.dead_band_b[j]
             if math.fabs(math.fabs(z) - dead) < spools.play[j]:  # open or shut is not sure
                 wide = math.copysign(spools.play[j] / (1.0 - dead), z)
                 edge_a, _, edge_b, _ = chamber_flows(circuit, j, wide, p_a, p_b, supply)

@@ -98,7 +98,7 @@ class Trust:
     """
 
     gain: float = 0.005  # of the flow, each direction
-    null: float = 0.001  # of the stroke, beside the standard deviations of dead zones and play
+    null: float = 0.001  # of the stroke, beside the standard deviations of dead bands and play
     stays: float = 600.0  # s, of gains and nulls
     pressure: float = 0.3e5  # Pa, of the piston's force
     pressure_stays: float = 20.0  # s
@@ -178,7 +178,7 @@ def null_deviation(model: Model, least: Array) -> Array:
     valves = [model.hydraulics.joints[joint].valve for joint in model.joints]
     dead_a, dead_b, play = (
         np.array([getattr(valve, name).std_dev or 0.0 for valve in valves])
-        for name in ("dead_zone_a", "dead_zone_b", "hysteresis")
+        for name in ("dead_band_a", "dead_band_b", "hysteresis")
     )
     return np.sqrt(0.5 * (dead_a**2 + dead_b**2) + (0.5 * play) ** 2 + least**2)
 

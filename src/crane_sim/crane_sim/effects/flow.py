@@ -31,7 +31,7 @@ def meter(injected: Injected, constants: Constants, state: State, i: int) -> flo
     """Metering opening -1..1 of the valve of joint i; notes what the effects change in its flow."""
     valve, actuator = constants.valves[i], state.actuators[i]
     spool = actuator.spool - valve.null
-    x = opening(spool, valve.dead_zone)
+    x = opening(spool, valve.dead_band)
     for k in range(len(injected.law)):
         law = injected.law[k]
         if injected.joint[k] != i or not FLOW <= law < LEAKS:
@@ -41,7 +41,7 @@ def meter(injected: Injected, constants: Constants, state: State, i: int) -> flo
             x = math.copysign(_overlapped(law, injected.value[k], x), x)
         elif law < TWO_GAINS:
             x = opening(
-                _trailing(law, injected.value[k], injected.memory[k], spool), valve.dead_zone
+                _trailing(law, injected.value[k], injected.memory[k], spool), valve.dead_band
             )
         else:
             x *= _gained(law, injected.value[k], x)
@@ -177,9 +177,9 @@ _SOFTNESS, _STIFFENING = Magnitude("softness", "1", 0.5, 40.0), Draw("stiffening
 _AIR = Magnitude("share", "1", 0.01, 0.5)
 
 FLOW_FORMS = (
-    Form("valve_dead_zone", "soft_overlap", SOFT_OVERLAP, _BAND, (_CORNER,)),
-    Form("valve_dead_zone", "hard_overlap", HARD_OVERLAP, _BAND),
-    Form("valve_dead_zone", "uneven_overlap", UNEVEN_OVERLAP, _BAND,
+    Form("valve_dead_band", "soft_overlap", SOFT_OVERLAP, _BAND, (_CORNER,)),
+    Form("valve_dead_band", "hard_overlap", HARD_OVERLAP, _BAND),
+    Form("valve_dead_band", "uneven_overlap", UNEVEN_OVERLAP, _BAND,
          (Draw("lean", "1", -0.4, 0.4),)),
     Form("valve_hysteresis", "trailing_edges", PLAY, _WIDTH),
     Form("valve_hysteresis", "two_plays", TWO_PLAYS, _WIDTH, (Draw("inner", "1", 0.2, 0.7),)),

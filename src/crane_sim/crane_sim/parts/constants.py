@@ -182,7 +182,7 @@ def _pack_valves(parameters: SimulatedCrane, machine: Machine) -> np.ndarray:
             "frequency": 2.0 * np.pi * column(valves, "natural_frequency"),
             "damping_ratio": column(valves, "damping_ratio"),
             "rate_limit": column(valves, "rate_limit"),
-            "dead_zone": column(valves, "dead_zone"),
+            "dead_band": column(valves, "dead_band"),
             "null": sense * column(valves, "null_bias"),
             **{edge: gain * share for edge, share in shares.items()},
         },

@@ -71,10 +71,10 @@ def stop_force(cylinder: np.record, length: float, rate: float) -> float:
 
 EDGES = ("supply_a", "a_tank", "supply_b", "b_tank")
 """The metering edges of a valve, by what they join."""
-VALVE_FIELDS = ("sense", "frequency", "damping_ratio", "rate_limit", "dead_zone", "null", *EDGES)
+VALVE_FIELDS = ("sense", "frequency", "damping_ratio", "rate_limit", "dead_band", "null", *EDGES)
 """Fields of a valve's record. `sense` is +1 where extending the cylinder moves the joint in its
 positive direction, else -1; frequency [rad/s] of the undamped spool; rate_limit [strokes/s];
-dead_zone [strokes] to either side of `null` [strokes]; of each edge the gain, fully open
+dead_band [strokes] to either side of `null` [strokes]; of each edge the gain, fully open
 [m3/s/sqrt(Pa)]."""
 
 
@@ -118,11 +118,11 @@ def spool_step(
 
 
 @njit(cache=True, error_model="numpy")
-def opening(position: float, dead_zone: float) -> float:
-    """Metering opening in -1..1 of a spool with overlap: zero inside the dead zone."""
-    if abs(position) <= dead_zone:
+def opening(position: float, dead_band: float) -> float:
+    """Metering opening in -1..1 of a spool with overlap: zero inside the dead band."""
+    if abs(position) <= dead_band:
         return 0.0
-    return (position - math.copysign(dead_zone, position)) / (1.0 - dead_zone)
+    return (position - math.copysign(dead_band, position)) / (1.0 - dead_band)
 
 
 @njit(cache=True, error_model="numpy")

@@ -103,15 +103,15 @@ class SimulatedValve(Schema):
     natural_frequency: Positive  # Hz
     damping_ratio: Positive
     rate_limit: Positive  # strokes per s
-    dead_zone: Fraction  # of the stroke, to either side of the null
+    dead_band: Fraction  # of the stroke, to either side of the null
     null_bias: float = 0.0  # of the stroke, positive moves the joint up: where the null lies
     edges: Edges = Edges()
 
     @model_validator(mode="after")
     def _closed_at_rest(self) -> Self:
-        if abs(self.null_bias) > self.dead_zone:
+        if abs(self.null_bias) > self.dead_band:
             raise ValueError(
-                f"null_bias is {self.null_bias}, at most dead_zone, {self.dead_zone}, to either "
+                f"null_bias is {self.null_bias}, at most dead_band, {self.dead_band}, to either "
                 "side: the valve of a centred spool would be open"
             )
         return self
@@ -276,7 +276,7 @@ def _merged(base: dict[str, Any], difference: dict[str, Any]) -> dict[str, Any]:
 # Other cranes of the same make: with parameters drawn about those of one.
 
 LESS_OVERLAP = 0.15
-"""Of a dead zone, at most: how far a drawn one falls short of it. None is larger, so that what a
+"""Of a dead band, at most: how far a drawn one falls short of it. None is larger, so that what a
 controller compensates, and a data sheet calls usual, holds for every drawn machine."""
 
 
@@ -333,10 +333,10 @@ def vary(simulated: SimulatedCrane, seed: int, spread: float = 0.15) -> Simulate
 def vary_valves(
     simulated: SimulatedCrane, machine: Machine, seed: int, scatter: float = 0.05
 ) -> SimulatedCrane:
-    """Valves made for differential cylinders, drawn: unequal edges, unequal dead zones.
+    """Valves made for differential cylinders, drawn: unequal edges, unequal dead bands.
 
     The gain of an edge is proportional to the area of its chamber, and within +-scatter of that,
-    evenly drawn; the cylinder moves as fast as with equal edges. The dead zones of the two
+    evenly drawn; the cylinder moves as fast as with equal edges. The dead bands of the two
     directions lie up to `LESS_OVERLAP` below the one of `simulated`. The same seed gives the same
     valves.
     """
@@ -356,11 +356,11 @@ def vary_valves(
             supply_b=share(area_b),
             b_tank=share(area_b),
         )
-        up, down = given.dead_zone * rng.uniform(1.0 - LESS_OVERLAP, 1.0, 2)
+        up, down = given.dead_band * rng.uniform(1.0 - LESS_OVERLAP, 1.0, 2)
         return given.model_copy(
             update={
                 "edges": edges,
-                "dead_zone": float(up + down) / 2.0,
+                "dead_band": float(up + down) / 2.0,
                 "null_bias": float(up - down) / 2.0,
             }
         )

@@ -94,7 +94,7 @@ def _fill(
         cylinder, valve = constants.cylinders[i], constants.valves[i]
         actuator = state.actuators[i]
         p_a, p_b = actuator.p_a, actuator.p_b
-        x = opening(actuator.spool - valve.null, valve.dead_zone)
+        x = opening(actuator.spool - valve.null, valve.dead_band)
         leakage, softer_a, softer_b = cylinder.leakage, 1.0, 1.0
         if injected is not None:  # a call that finds nothing to do costs more than the rest
             if injected.meters:

@@ -69,12 +69,12 @@ def test_within_table_2_commands_pass_unchanged(
 @given(
     joints,
     st.floats(0.5, 4.0),  # speed at full spool, times that of Table 2
-    st.floats(0.0, 0.1),  # dead zone
+    st.floats(0.0, 0.1),  # dead band
     st.floats(0.005, 0.05),  # s, lag of the valve
     st.lists(commands, min_size=1, max_size=12),
 )
 def test_no_machine_is_driven_beyond_a_limit(
-    joint: str, gain: float, dead_zone: float, lag: float, levels: list[float]
+    joint: str, gain: float, dead_band: float, lag: float, levels: list[float]
 ) -> None:
     limits, one = MACHINE.limits[joint], limiter(joint)
     span = limits.position_max - limits.position_min
@@ -83,8 +83,8 @@ def test_no_machine_is_driven_beyond_a_limit(
     per_level = int(1.5 * span / fastest / CYCLE / len(levels)) + 1
     for level in levels:
         for _ in range(per_level):
-            opened = math.copysign(max(abs(spool) - dead_zone, 0.0), spool)
-            speed = gain * fastest * opened / (1.0 - dead_zone)
+            opened = math.copysign(max(abs(spool) - dead_band, 0.0), spool)
+            speed = gain * fastest * opened / (1.0 - dead_band)
             command = one.limit(level, position, speed, CYCLE)
             spool += (command - spool) * min(1.0, CYCLE / lag)
             position += CYCLE * speed

@@ -25,7 +25,7 @@ from crane_model.record import Record
 from crane_model.terms.sensing import EncoderOffset
 
 USUAL = Usual(
-    dead_zone={JOINT: 0.09},
+    dead_band={JOINT: 0.09},
     hysteresis=0.01,
     asymmetry=0.03,
     leakage=1e-13,
@@ -77,7 +77,7 @@ def test_values_come_back(flow: Flow) -> None:
     assert flow.unexplained < 0.003
     np.testing.assert_allclose([one.value for one in flow.gains], GAINS, rtol=0.01)
     assert not flow.undetermined
-    assert values["valve_dead_zone"] == pytest.approx(max(BANDS), abs=0.001)
+    assert values["valve_dead_band"] == pytest.approx(max(BANDS), abs=0.001)
     assert values["valve_asymmetry"] == pytest.approx((8 / 72 + 4 / 48) / 2, rel=0.02)
     assert values["internal_leakage"] == pytest.approx(LEAK, rel=0.1)
     assert values["oil_compressibility"] == pytest.approx(1.0 / BETA, rel=0.1)
@@ -120,8 +120,8 @@ def test_too_little_of_the_command_is_refused_by_name(evidence: Evidence) -> Non
         moving(evidence, replace(record, command=late)), evidence, USUAL, THRESHOLDS
     )
     assert not found
-    assert "command, pressure_a" in absent["valve_dead_zone", JOINT]
-    assert "known together for 4.4 s of 32.0 s: log them" in absent["valve_dead_zone", JOINT]
+    assert "command, pressure_a" in absent["valve_dead_band", JOINT]
+    assert "known together for 4.4 s of 32.0 s: log them" in absent["valve_dead_band", JOINT]
 
 
 def test_noise_asks_for_faster_motion(evidence: Evidence) -> None:
@@ -140,7 +140,7 @@ def test_noise_asks_for_faster_motion(evidence: Evidence) -> None:
     assert found[0].undetermined == ("compressibility of the oil",)
     found, absent = examined(noisy(1.0), evidence, USUAL, THRESHOLDS)
     assert not found
-    assert "is noise, at most 10% allowed; move faster" in absent["valve_dead_zone", JOINT]
+    assert "is noise, at most 10% allowed; move faster" in absent["valve_dead_band", JOINT]
 
 
 def test_the_gain_of_an_edge_that_never_opens_is_not_determined(evidence: Evidence) -> None:
@@ -159,7 +159,7 @@ def test_a_command_of_the_wrong_sign_is_said_to_be_wrong(evidence: Evidence) -> 
     turned = moving(evidence, replace(record, command=-record.command))
     found, absent = examined(turned, turned, USUAL, THRESHOLDS)
     assert not found
-    assert "check sign and log of its command" in absent["valve_dead_zone", JOINT]
+    assert "check sign and log of its command" in absent["valve_dead_band", JOINT]
 
 
 def test_what_is_beyond_the_usual_is_missing(flow: Flow) -> None:
@@ -167,14 +167,14 @@ def test_what_is_beyond_the_usual_is_missing(flow: Flow) -> None:
     assert {one.type for one in flow.missing} == beyond
 
 
-def test_a_dead_zone_beyond_the_usual_is_missing_in_proportion(evidence: Evidence) -> None:
+def test_a_dead_band_beyond_the_usual_is_missing_in_proportion(evidence: Evidence) -> None:
     """Of one direction alone; what more is left without it is what that width lets through."""
-    narrow = USUAL.model_copy(update={"dead_zone": {JOINT: BANDS[0] - 0.01}})
-    wide = USUAL.model_copy(update={"dead_zone": {JOINT: BANDS[0] - 0.005}})
+    narrow = USUAL.model_copy(update={"dead_band": {JOINT: BANDS[0] - 0.01}})
+    wide = USUAL.model_copy(update={"dead_band": {JOINT: BANDS[0] - 0.005}})
     shares = []
     for usual in (narrow, wide):
         found, _ = examined(evidence, evidence, usual, THRESHOLDS)
-        (quantity,) = (one for one in found[0].missing if one.type == "valve_dead_zone")
+        (quantity,) = (one for one in found[0].missing if one.type == "valve_dead_band")
         shares.append(quantity.share)
     assert shares[0] == pytest.approx(2.0 * shares[1], rel=0.1)
     assert shares[0] > 0.005
@@ -185,7 +185,7 @@ def test_without_supply_pressure_it_is_not_observable(evidence: Evidence) -> Non
     blind = replace(run, record=replace(run.record, supply_pressure=None))
     found, absent = examined(replace(evidence, runs=4 * (blind,)), evidence, USUAL, THRESHOLDS)
     assert not found
-    assert "supply pressure" in absent["valve_dead_zone", JOINT]
+    assert "supply pressure" in absent["valve_dead_band", JOINT]
 
 
 @pytest.mark.parametrize("source", ["tank_pressure", "supply_pressure"])
@@ -214,8 +214,8 @@ def identified(undetermined: tuple[str, ...] = (), **changed: float) -> Hydrauli
     zone_a, zone_b = BANDS
     strokes = 1.0 - np.array([zone_a, zone_b, zone_b, zone_a])
     values = {
-        "dead_zone_a": zone_a,
-        "dead_zone_b": zone_b,
+        "dead_band_a": zone_a,
+        "dead_band_b": zone_b,
         "hysteresis": PLAY,
         "leakage": LEAK,
         "lag": 0.01,
@@ -246,7 +246,7 @@ def judged_by(evidence: Evidence, own: HydraulicValues, usual: Usual = USUAL) ->
 
 
 def test_own_values_are_usual_whatever_the_data_sheet_says(evidence: Evidence) -> None:
-    found = judged_by(evidence, identified(), USUAL.model_copy(update={"dead_zone": {}}))
+    found = judged_by(evidence, identified(), USUAL.model_copy(update={"dead_band": {}}))
     assert all(one.own for one in found.quantities)
     assert not found.missing
 
@@ -254,7 +254,7 @@ def test_own_values_are_usual_whatever_the_data_sheet_says(evidence: Evidence) -
 @pytest.mark.parametrize(
     ("changed", "effect"),
     [
-        ({"dead_zone_b": BANDS[1] - 0.01}, "valve_dead_zone"),  # still below that of the other way
+        ({"dead_band_b": BANDS[1] - 0.01}, "valve_dead_band"),  # still below that of the other way
         ({"hysteresis": 0.5 * PLAY}, "valve_hysteresis"),
         ({"leakage": 0.5 * LEAK}, "internal_leakage"),
         ({"bulk_modulus": 1.4 * BETA}, "oil_compressibility"),
@@ -266,7 +266,7 @@ def test_what_has_changed_since_is_missing(
 ) -> None:
     """Though the data sheet allows it."""
     sheet = Usual(
-        dead_zone={JOINT: 0.2}, hysteresis=0.1, asymmetry=0.5, leakage=1e-11, bulk_modulus=1e8
+        dead_band={JOINT: 0.2}, hysteresis=0.1, asymmetry=0.5, leakage=1e-11, bulk_modulus=1e8
     )
     assert not judged_by(evidence, HydraulicValues(provenance="none", joints={}), sheet).missing
     first = judged_by(evidence, identified(**changed), sheet).missing[0]
@@ -280,11 +280,11 @@ def test_an_own_value_that_is_not_determined_is_no_measure(evidence: Evidence) -
     assert found.missing[0].limit == "what is usual"
 
 
-def test_without_a_usual_dead_zone_nothing_is_said(evidence: Evidence) -> None:
-    other = USUAL.model_copy(update={"dead_zone": {"slew": 0.05}})
+def test_without_a_usual_dead_band_nothing_is_said(evidence: Evidence) -> None:
+    other = USUAL.model_copy(update={"dead_band": {"slew": 0.05}})
     found, absent = examined(evidence, evidence, other, THRESHOLDS)
     assert not found
-    assert "not known" in absent["valve_dead_zone", JOINT]
+    assert "not known" in absent["valve_dead_band", JOINT]
 
 
 def test_a_law_of_no_valve_and_no_oil_is_unknown(evidence: Evidence, flow: Flow) -> None:

@@ -30,7 +30,7 @@ from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 
 WIDTH = 0.01
 TOLERANCE = {"lag": 5e-4, "hysteresis": 3e-4}  # absolute; of the others relative:
-RELATIVE = {"dead_zone": 0.001, "bulk": 0.05, "dead_volume": 0.3, "leakage": 0.2}
+RELATIVE = {"dead_band": 0.001, "bulk": 0.05, "dead_volume": 0.3, "leakage": 0.2}
 GAINS = 0.001
 
 
@@ -104,15 +104,15 @@ def test_the_part_before_a_gap_may_be_shorter_than_a_period() -> None:
 
 
 @pytest.mark.parametrize("supply", [True, False], ids=["with supply", "position and command"])
-def test_a_joint_without_transducers_shows_dead_zones_and_gains(supply: bool) -> None:
+def test_a_joint_without_transducers_shows_dead_bands_and_gains(supply: bool) -> None:
     simulated = load_simulated_crane()
     log = recorded(simulated, seed=2, periods=1, slewed=True)
     bare = replace(log, supply_pressure=None, tank_pressure=None, pressure_a=None, pressure_b=None)
     valve = simulated.valves["slew"]
     found = identify_motion(MACHINE, "slew", [log if supply else bare])
     assert found.chambers is None
-    assert found.valve.dead_zone_a.value == pytest.approx(valve.dead_zone, abs=0.003)
-    assert found.valve.dead_zone_b.value == pytest.approx(valve.dead_zone, abs=0.003)
+    assert found.valve.dead_band_a.value == pytest.approx(valve.dead_band, abs=0.003)
+    assert found.valve.dead_band_b.value == pytest.approx(valve.dead_band, abs=0.003)
     # less by what friction takes of the pressure
     gain = truth(simulated, "slew")["supply_a"]
     assert 0.8 * gain < found.valve.supply_a.value < gain

@@ -58,12 +58,12 @@ def test_the_valve_gives_the_speed_that_was_measured(tmp_path: Path) -> None:
         a * oil.supply_pressure - b * oil.tank_pressure,
         b * oil.supply_pressure - a * oil.tank_pressure,
     )
-    sides = [(valve.dead_zone_a, valve.supply_a), (valve.dead_zone_b, valve.supply_b)]
+    sides = [(valve.dead_band_a, valve.supply_a), (valve.dead_band_b, valve.supply_b)]
     true = [FORTH, BACK] if lever > 0.0 else [BACK, FORTH]
-    for (dead_zone, edge), drop, (band, gain) in zip(sides, drops, true, strict=True):
-        assert dead_zone.value == pytest.approx(band, abs=2e-3)
-        assert dead_zone.std_dev is not None and 0.0 < dead_zone.std_dev < 1e-3
-        opening = (0.25 - dead_zone.value) / (1.0 - dead_zone.value)
+    for (dead_band, edge), drop, (band, gain) in zip(sides, drops, true, strict=True):
+        assert dead_band.value == pytest.approx(band, abs=2e-3)
+        assert dead_band.std_dev is not None and 0.0 < dead_band.std_dev < 1e-3
+        opening = (0.25 - dead_band.value) / (1.0 - dead_band.value)
         speed = edge.value * opening * np.sqrt(drop / (a**3 + b**3)) / abs(lever)
         assert speed == pytest.approx(gain * (0.25 - band), rel=0.01)
         assert edge.std_dev is not None and edge.std_dev > 0.0

@@ -63,7 +63,7 @@ def as_built(simulated: SimulatedCrane) -> HydraulicValues:
         frequency = 2.0 * np.pi * valve.natural_frequency
         edges = dict.fromkeys(("supply_a", "a_tank", "supply_b", "b_tank"), gain)
         spool = values(ValveValues, {
-            "dead_zone_a": valve.dead_zone, "dead_zone_b": valve.dead_zone, "hysteresis": 0.0,
+            "dead_band_a": valve.dead_band, "dead_band_b": valve.dead_band, "hysteresis": 0.0,
             "lag": 2.0 * valve.damping_ratio / frequency, "natural_frequency": frequency,
             "damping_ratio": valve.damping_ratio, **edges,
         })  # fmt: skip

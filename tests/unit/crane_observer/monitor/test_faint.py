@@ -27,7 +27,7 @@ def at_work(model: Model, part: Part, drop: float) -> Heard:
     extends, circuit = part is Part.PRESSURE_A, circuit_of(model)
     assert model.hydraulics is not None
     valve = model.hydraulics.joints["telescope"].valve
-    dead = (valve.dead_zone_a if extends else valve.dead_zone_b).value
+    dead = (valve.dead_band_a if extends else valve.dead_band_b).value
     opened = (COMMAND - dead) / (1.0 - dead) * (1.0 if extends else -1.0)
 
     def pressures(drained: float) -> tuple[float, float]:

@@ -66,13 +66,13 @@ def test_a_heavy_slew_is_given_time_until_two_rates_agree() -> None:
     assert "answers" in said[0] and "late to a ramp of 0.05/s" in said[0]
     true = (steady_speed("slew", 0.07) - steady_speed("slew", 0.06)) / 0.01
     assert gain == pytest.approx(true, rel=0.05)
-    assert dead_band == pytest.approx(SIMULATED.valves["slew"].dead_zone, abs=1e-3)
+    assert dead_band == pytest.approx(SIMULATED.valves["slew"].dead_band, abs=1e-3)
 
 
 def test_a_light_joint_is_measured_at_once() -> None:
     rate, dead_band, _, said = ramped("inner_boom", 0.05)
     assert (rate, said) == (0.05, [])
-    assert dead_band == pytest.approx(SIMULATED.valves["inner_boom"].dead_zone, abs=1e-3)
+    assert dead_band == pytest.approx(SIMULATED.valves["inner_boom"].dead_band, abs=1e-3)
 
 
 def test_a_joint_that_no_ramp_tells_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
