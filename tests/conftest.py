@@ -31,7 +31,7 @@ LONGEST = (
     "test_discrepancy_benchmark.py",
     "test_diagnose.py",
     "test_cluster.py",
-    "test_settle.py",
+    "test_discriminate.py",
     "test_report_page.py",
     "test_identify.py",
     "test_identification_node.py",

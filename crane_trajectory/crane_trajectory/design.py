@@ -37,6 +37,7 @@ from crane_trajectory.excitation.criterion import (
     one_period,
     relative_std_devs,
 )
+from crane_trajectory.excitation.discrimination import DiscriminationRequest, discriminate
 from crane_trajectory.excitation.limits import DesignSettings, Limit, load_design_settings
 from crane_trajectory.excitation.search import (
     ExcitationProblem,
@@ -58,10 +59,9 @@ from crane_trajectory.motion.periodic import (
     Probe,
     load_trajectory,
 )
-from crane_trajectory.settling.settling import SettleRequest, settle
 
-OF_SETTLING = {"duration": 60.0, "load": 50.0, "terms": None}
-"""Options that mean something with `--settle` alone, and what they are by default [s, kg]."""
+OF_DISCRIMINATION = {"duration": 60.0, "load": 50.0, "terms": None}
+"""Options that mean something with `--discriminate` alone, and what they are by default [s, kg]."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class DesignRequest:
 
     period: float | None  # s, of a Fourier trajectory
     sweeps: list[float] | None  # shares of the velocity limits
-    settle: Path | None  # folder of a diagnosis
+    discriminate: Path | None  # folder of a diagnosis
     duration: float  # s
     load: float  # kg
     terms: Path | None
@@ -95,14 +95,14 @@ class DesignRequest:
 
     @classmethod
     def of(cls, options: dict[str, Any], argv: list[str]) -> "DesignRequest":
-        """From options; `ConfigurationError` if one of `--settle` is given without it."""
-        given = [name for name in OF_SETTLING if options[name] is not None]
-        if given and not options["settle"]:
+        """From options; `ConfigurationError` if one of `--discriminate` is given without it."""
+        given = [name for name in OF_DISCRIMINATION if options[name] is not None]
+        if given and not options["discriminate"]:
             raise ConfigurationError(
-                f"{', '.join(f'--{name}' for name in given)}: of --settle alone, which is not "
-                "given; leave it out"
+                f"{', '.join(f'--{name}' for name in given)}: of --discriminate alone, which is "
+                "not given; leave it out"
             )
-        missing = {name: usual for name, usual in OF_SETTLING.items() if name not in given}
+        missing = {name: usual for name, usual in OF_DISCRIMINATION.items() if name not in given}
         words = [Path(word).name if "/" in word else word for word in argv]
         command = shlex.join(["ros2", "run", "crane_trajectory", "design", *words])
         return cls(**options | missing, command=command)
@@ -127,20 +127,26 @@ def parser() -> argparse.ArgumentParser:
         help="instead: every joint in turn at these shares of its velocity limit, both ways",
     )  # fmt: skip
     what.add_argument(
-        "--settle", type=Path, metavar="DIR",
-        help="instead: what settles best what the diagnosis in DIR left open",
+        "--discriminate", type=Path, metavar="DIR",
+        help="instead: the motion that best discriminates what the diagnosis in DIR left open",
     )  # fmt: skip
     add = result.add_argument
     add(
         "--duration", type=between(20.0, LONGEST_PERIOD),
-        help=f"with --settle, of the recording [s] (default: {OF_SETTLING['duration']:g})",
+        help="with --discriminate, duration of the recording [s] "
+        f"(default: {OF_DISCRIMINATION['duration']:g})",
     )  # fmt: skip
     add(
         "--load", type=above(0.0),
-        help="with --settle, a known mass that there is to hang at the tip [kg] "
-        f"(default: {OF_SETTLING['load']:g})",
+        help="with --discriminate, a known mass that there is to hang at the tip [kg] "
+        f"(default: {OF_DISCRIMINATION['load']:g})",
     )  # fmt: skip
-    add("--terms", type=Path, metavar="FILE", help="with --settle, as it was given to diagnose")
+    add(
+        "--terms",
+        type=Path,
+        metavar="FILE",
+        help="with --discriminate, as it was given to diagnose",
+    )
     add("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s]")
     add("--harmonics", type=whole(1, MOST_HARMONICS), default=5, help="N of (32)")
     add(
@@ -193,12 +199,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _design(request: DesignRequest) -> None:
     out, machine = request.out, request.machine
-    if request.settle:
+    if request.discriminate:
         files = out, *(out.with_suffix(suffix) for suffix in (".json", ".png"))
         check_out(*files, replace=request.replace)
-        settle(
-            SettleRequest(
-                request.settle, request.terms, machine, request.settings, request.clearance,
+        discriminate(
+            DiscriminationRequest(
+                request.discriminate, request.terms, machine, request.settings, request.clearance,
                 request.duration, request.load, request.seed, request.starts, out,
                 f"Found by {request.command}.",
             )

@@ -9,8 +9,8 @@ from crane_driver.operator.bringup.results import RESULTS
 from crane_identification.diagnosis.findings import Findings
 from crane_identification.report.summary import ClusterSummary, Summary
 from crane_sim.ground_truth import GroundTruth
+from crane_trajectory.excitation.discrimination import DiscriminationPlan
 from crane_trajectory.run_excitation_node import ExcitationResult
-from crane_trajectory.settling.settling import SettlingPlan
 from from_code.files import value_of
 
 
@@ -28,8 +28,8 @@ KINDS = (
     Kind("findings.json", "Written by `diagnose`; `diagnose --explain` prints it.", Findings),
     Kind(
         "Plan of an experiment",
-        "Written by `design --settle`, beside its trajectory.",
-        SettlingPlan,
+        "Written by `design --discriminate`, beside its trajectory.",
+        DiscriminationPlan,
     ),
     Kind("Result of an excitation", "Written by `run_excitation --result`.", ExcitationResult),
     Kind(

@@ -81,7 +81,7 @@ OFFLINE_ARROWS = (
     Arrow("check", "diagnose"),
     Arrow("model", "diagnose"),
     Arrow("diagnose", "findings"),
-    Arrow("findings", "design", ("--settle",), 0.0, 0.7),
+    Arrow("findings", "design", ("--discriminate",), 0.0, 0.7),
     Arrow("model", "use"),
 )
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from integration.settled import MODEL, RECORDINGS, HiddenCase, narrowly_recorded
+from integration.discriminated import MODEL, RECORDINGS, HiddenCase, narrowly_recorded
 
 from crane_identification.data.recording_log import read_bag
 from crane_identification.estimation.prior import load_prior

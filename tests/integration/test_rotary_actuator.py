@@ -55,7 +55,7 @@ def test_gain_of_a_transducer_or_friction_of_a_direction(unloaded: dict[str, Any
     members = {finding["effect"], *(one["effect"] for one in finding["ambiguity_group"])}
     assert members == {"chamber_gain", "coulomb_asymmetry", "viscous_asymmetry", "offset"}
     assert finding["score"] > 2.0 * finding["threshold"]
-    assert "transducers" in finding["settled_by"]
+    assert "transducers" in finding["discriminated_by"]
 
 
 def test_what_has_no_unit_is_said(unloaded: dict[str, Any]) -> None:

@@ -373,7 +373,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> schema.FindingEntry:
         relative_magnitude=magnitude,
         visible_magnitude=min(judged.strength, magnitude),
         held_out_gains=dict(zip(judged.fold_names, judged.held_out, strict=True)),
-        settled_by=candidate.effect.settled_by,
+        discriminated_by=candidate.effect.discriminated_by,
     )
 
 
@@ -422,7 +422,7 @@ def _by_itself(
         visibility=1.0,
         relative_magnitude=None,  # over the drive force, as of effects that compete
         held_out_gains={},
-        settled_by=what.effect.settled_by,
+        discriminated_by=what.effect.discriminated_by,
         **rest,
     )
 
@@ -529,11 +529,11 @@ def _untried(candidates: Mapping[Candidate, str]) -> list[schema.Untried]:
     ]
 
 
-# What is open, as `design --settle` reads it: members with their sizes.
+# What is open, as `design --discriminate` reads it: members with their sizes.
 
 
 def _open_questions(diagnosis: Diagnosis) -> OpenQuestions:
-    """All that another experiment could settle."""
+    """All that another experiment could discriminate."""
     fit, search = diagnosis.fit, diagnosis.search
     step = fit.training.recordings[0].step
     pairs = zip(diagnosis.joints, search.whitener.noise, strict=False)  # the first zone
@@ -605,7 +605,7 @@ def _undetermined(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
             term=term.model_dump(mode="json"),
             values=[float(size)] * len(term.parameters(setting)),
             separation=None,
-            settled_by="" if term.effect is None else term.effect.settled_by,
+            discriminated_by="" if term.effect is None else term.effect.discriminated_by,
         )
         yield OpenQuestion(
             kind=QuestionKind.UNDETERMINED,
@@ -642,5 +642,5 @@ def _member(search: Search, subset: Subset, place: int, best: float | None) -> O
         term=shaped.term.model_dump(mode="json"),
         values=values.tolist(),
         separation=None if best is None else float(np.sqrt(max(best - subset.gain, 0.0))),
-        settled_by=shaped.candidate.effect.settled_by,
+        discriminated_by=shaped.candidate.effect.discriminated_by,
     )

@@ -126,7 +126,7 @@ class FindingEntry(FoundEffect):
     held_out_gains: NumberByJoint
     """What it gains on each recording in which it acts when fitted to the others, by their names;
     where these are few, on blocks of time [-]."""
-    settled_by: str
+    discriminated_by: str
     """The experiment that tells it from what looks alike."""
 
 
@@ -455,7 +455,7 @@ class Findings(ResultFile):
     flow: dict[str, FlowBalance]
     """By joint whose flow was recorded."""
     open: OpenQuestions
-    """What another experiment could settle: `design --settle` finds its motion."""
+    """What another experiment could discriminate: `design --discriminate` finds its motion."""
     named_from: NumberByJoint
     """By joint: strength from which nine in ten effects are named, before any filter [-]."""
     suspicions: list[str] = []

@@ -113,7 +113,7 @@ def render(
             )
             if motion.reason
         ],
-        settle=words.settling_command(content, folder),
+        discriminate=words.discriminating_command(content, folder),
         untestable=_untried(diagnosis, content["not_testable"]),
         unobservable=_untried(diagnosis, content["not_observable"]),
         percent=percent,

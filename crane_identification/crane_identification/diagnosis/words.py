@@ -470,15 +470,16 @@ def _question(question: Content) -> str:
     names = listed([alone(one) for one in members], "or")
     if question["kind"] == QuestionKind.UNDETERMINED:
         return f"{names}: is it there at all?"
-    known = dict.fromkeys(one["settled_by"] for one in members)
+    known = dict.fromkeys(one["discriminated_by"] for one in members)
     return f"{names}: told apart by {'; or '.join(known)}"
 
 
-def settling_command(content: Content, folder: Path) -> str:
+def discriminating_command(content: Content, folder: Path) -> str:
     """The command that designs the experiment for a folder; empty where nothing is open."""
     if not content["open"]["questions"]:
         return ""
-    return f"ros2 run crane_trajectory design --settle {folder} --out {folder / 'settle.yaml'}"
+    out = folder / "discriminate.yaml"
+    return f"ros2 run crane_trajectory design --discriminate {folder} --out {out}"
 
 
 # A diagnosis as text: the answer, its proof, then the rest.
@@ -524,8 +525,8 @@ def lines(content: Content) -> list[str]:
 
 def next_step(content: Content, folder: Path) -> list[str]:
     """The command that designs the experiment for what is open in a folder; none if nothing is."""
-    command = settling_command(content, folder)
-    return [f"What is open, an experiment settles: {command}"] if command else []
+    command = discriminating_command(content, folder)
+    return [f"An experiment that discriminates what is open: {command}"] if command else []
 
 
 def _error_lines(content: Content) -> Iterator[str]:
@@ -551,7 +552,7 @@ def _finding_lines(number: int, finding: Content) -> list[str]:
     values = ", ".join(map(str, estimates(finding)))
     if finding["ambiguity_group"]:
         out.append(f"   as {alone(finding)}: {values}")
-        out.append(f"   told apart by {finding['settled_by']}")
+        out.append(f"   told apart by {finding['discriminated_by']}")
     elif values:
         out.append(f"   {values}")
     return [

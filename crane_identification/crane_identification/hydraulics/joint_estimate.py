@@ -49,7 +49,7 @@ LEAST_DENOMINATOR = 1e-300
 DETERMINED_SIGMA_SHARE = 0.25  # of a value: a larger standard deviation does not determine it
 KNOWN_PART = 0.005  # of the stroke, for dead bands and hysteresis, which may be 0
 KNOWN_LEAKAGE = 1e-14  # m3/(s Pa), for a piston that may be tight
-SETTLED_BY = {
+DISCRIMINATED_BY = {
     "dead_band": "slow ramps of the command through zero, both ways",
     "hysteresis": "slow triangles of the command, to and fro",
     "lag": "steps of the command both ways",
@@ -117,15 +117,17 @@ def identify_joint(
 def undetermined(values: Mapping[str, Measured]) -> dict[str, str]:
     """Names of those that are not known well enough, each with the experiment that tells it."""
     return {
-        name: settled_by(name) for name, measured in values.items() if not _known(name, measured)
+        name: discriminated_by(name)
+        for name, measured in values.items()
+        if not _known(name, measured)
     }
 
 
-def settled_by(name: str) -> str:
+def discriminated_by(name: str) -> str:
     """The experiment that tells a value."""
     if name in EDGES:
-        return SETTLED_BY["gain"]
-    return next(text for key, text in SETTLED_BY.items() if name.startswith(key))
+        return DISCRIMINATED_BY["gain"]
+    return next(text for key, text in DISCRIMINATED_BY.items() if name.startswith(key))
 
 
 def _require_sense(found: BalanceFit, modulus: float | None) -> None:
@@ -246,7 +248,7 @@ def identify_motion(machine: Machine, joint: str, logs: Sequence[Log]) -> JointH
     return JointHydraulics(
         valve=valve,
         undetermined=undetermined(valve.by_name)
-        | {name: f"pressure transducers, then {settled_by(name)}" for name in oil},
+        | {name: f"pressure transducers, then {discriminated_by(name)}" for name in oil},
         unexplained=found.unexplained,
     )
 
@@ -488,8 +490,8 @@ def from_ramps(machine: Machine, joint: str, ramps: Ramps) -> JointHydraulics:
     return JointHydraulics(
         valve=valve,
         undetermined=undetermined(values)
-        | {name: settled_by(name) for name in ASSUMED}
-        | {name: f"pressure transducers, then {settled_by(name)}" for name in OIL},
+        | {name: discriminated_by(name) for name in ASSUMED}
+        | {name: f"pressure transducers, then {discriminated_by(name)}" for name in OIL},
         unexplained=max(
             (direction.gain_std or 0.0) / direction.gain for direction in (extending, retracting)
         ),

@@ -172,7 +172,7 @@ class FourierDraws:
         for share in SERIES_SHARES:
             drawn = np.round(problem.start_limits.drawn_home(point, share), DECIMALS)
             trajectory = FourierTrajectory.from_coefficients(
-                "settling", problem.period, problem.model.joints, drawn.reshape(problem.shape)
+                "discrimination", problem.period, problem.model.joints, drawn.reshape(problem.shape)
             )
             if not problem.check(trajectory):
                 return trajectory
@@ -247,7 +247,7 @@ class CourseDraws:
             courses = zip(self.joints, np.round(poses, DECIMALS).T.tolist(), strict=True)
             trajectory = SweepTrajectory(
                 kind="sweep",
-                name="settling",
+                name="discrimination",
                 period=times[-1],
                 corner=CORNER,
                 joints={

@@ -78,7 +78,7 @@ class ResultFile(ResultPart):
             raise DataError(f"{path}: not readable: {error}; write it again") from None
 
 
-# What a diagnosis leaves open, for the design of the experiment that settles it.
+# What a diagnosis leaves open, for the design of the experiment that discriminates it.
 
 
 class QuestionKind(StrEnum):
@@ -104,7 +104,7 @@ class OpenMember(ResultPart):
     """Of its parameters [SI]."""
     separation: Number
     """Between it and the first member, as these recordings tell them apart; null for that [σ]."""
-    settled_by: str
+    discriminated_by: str
     """The experiment that tells it from what looks alike."""
 
 

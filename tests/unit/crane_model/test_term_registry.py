@@ -241,7 +241,7 @@ def test_candidates_are_described(name: str) -> None:
     assert cls.effect is not None
     assert len(cls.effect.name) > 3
     assert len(cls.effect.signature) > 10
-    assert len(cls.effect.settled_by) > 10
+    assert len(cls.effect.discriminated_by) > 10
     for field, shape in cls.shapes.items():
         assert field in cls.model_fields
         assert 0.0 < shape.lowest < shape.highest

@@ -160,9 +160,9 @@ def test_wrong_arguments_are_refused(wrong, tmp_path, capsys):
 
 @pytest.mark.parametrize("option", [["--load", "5"], ["--duration", "90"], ["--terms", "mine.py"]])
 @pytest.mark.parametrize("what", [["--period", "20"], ["--sweeps", "0.1"]])
-def test_what_means_nothing_without_settle_is_refused(what, option, tmp_path, capsys):
+def test_what_means_nothing_without_discriminate_is_refused(what, option, tmp_path, capsys):
     assert main([*what, *option, "--out", str(tmp_path / "t.yaml")]) == 1
-    assert f"{option[0]}: of --settle alone" in capsys.readouterr().err
+    assert f"{option[0]}: of --discriminate alone" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

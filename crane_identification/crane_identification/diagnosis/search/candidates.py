@@ -407,7 +407,7 @@ class Change(Candidate):
             name=self.type.replace("_", " "),
             signature="the pattern of this term of the model",
             confusable=(),
-            settled_by="the same motion on the machine as it was",
+            discriminated_by="the same motion on the machine as it was",
         )
         return known._replace(name=f"changed {known.name}")
 

@@ -57,7 +57,7 @@ class Effect(NamedTuple):
     name: str
     signature: str  # how it shows in the residual of a model that lacks it
     confusable: tuple[str, ...]  # types of the terms that it is easily taken for
-    settled_by: str  # the experiment that tells it from them
+    discriminated_by: str  # the experiment that tells it from them
     kin: tuple[str, ...] = ()  # types of terms that are other laws of the same effect: one class
     law_of: str = ""  # type of the term that is the usual law of the same effect, if not this one
     follows: tuple[Variable, ...] = ()  # what its force depends on, first that which shows it best

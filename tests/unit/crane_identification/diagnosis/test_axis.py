@@ -177,7 +177,7 @@ def test_findings_hold_every_key(without_coulomb: Diagnosis) -> None:
     assert {"verdict", "where", "findings", "model_error", "left"} <= set(content)
     assert set(content["findings"][0]) >= {
         *("effect", "name", "joint", "ambiguity_group", "parameters", "score", "threshold"),
-        *("false_alarm_rate", "runner_up", "margin", "visibility", "settled_by"),
+        *("false_alarm_rate", "runner_up", "margin", "visibility", "discriminated_by"),
     }
     assert set(content["findings"][0]["parameters"][0]) == {
         *("name", "value", "std_dev", "unit", "minimum", "determined"),

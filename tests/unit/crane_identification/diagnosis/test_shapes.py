@@ -172,7 +172,7 @@ def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
     text = " ".join(read_html(html).text.split())
     assert "fades within seconds: its best curve explains" in text
     assert "The nonparametric curve" in text  # of the nearest that is one
-    command = "ros2 run crane_trajectory design --settle out --out out/settle.yaml"
+    command = "ros2 run crane_trajectory design --discriminate out --out out/discriminate.yaml"
     assert "The next experiment" in text and command in text
     assert words.next_step(result.results().plain(), Path("out"))[0].endswith(command)
 

@@ -40,7 +40,7 @@ def finding(**more: Any) -> dict[str, Any]:
         "relative_magnitude": 0.04,
         "visible_magnitude": 0.0071,
         "held_out_gains": {},
-        "settled_by": "the same motion with raised back-pressure",
+        "discriminated_by": "the same motion with raised back-pressure",
     } | more
 
 

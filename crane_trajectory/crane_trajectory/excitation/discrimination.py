@@ -1,4 +1,4 @@
-"""The motion that discriminates best what a diagnosis left open: `design --settle`.
+"""The motion that discriminates best what a diagnosis left open: `design --discriminate`.
 
 What it promises is told of each pair of answers, before and after, with what else helps; and what
 no motion discriminates.
@@ -30,11 +30,11 @@ from crane_model.result_file import (
 from crane_model.terms import load_terms
 from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
 from crane_trajectory.excitation.limits import DesignSettings, load_design_settings
+from crane_trajectory.excitation.prediction import Hypothesis, PlannedExperiment, PlannedRecording
 from crane_trajectory.excitation.search import ExcitationProblem, machine_of
 from crane_trajectory.excitation.sweeps import CourseDraws, FourierDraws
 from crane_trajectory.motion.check import Clearance, draw, load_clearance
 from crane_trajectory.motion.periodic import FourierTrajectory, SweepTrajectory
-from crane_trajectory.settling.prediction import Hypothesis, PlannedExperiment, PlannedRecording
 
 DRAWS_PER_START = 4  # of each family of motions
 SURVIVORS = 4  # that are varied
@@ -110,7 +110,7 @@ class DrawnMotion(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Settling:
+class ExperimentSearch:
     """Questions, and the search from many `starts` for a motion that answers them in a `duration`
     [s].
     """
@@ -134,7 +134,7 @@ class Settling:
         }
         return np.array([pair.clearness(experiments[pair.question]) for pair in self.pairs])
 
-    def predictable(self, seed: int) -> "Settling":
+    def predictable(self, seed: int) -> "ExperimentSearch":
         """With those pairs alone of which a recording can be predicted."""
         rng = np.random.default_rng(seed)
         drawn = (
@@ -263,12 +263,12 @@ class PredictedSeparation(ResultPart):
     """To rule one of them out [σ]."""
     actions: list[HelpfulAction]
     """Where the motion does not suffice, what does with it, best first."""
-    settled_by: str
+    discriminated_by: str
     """Where neither does, the experiment that would."""
 
 
-class SettlingPlan(ResultFile):
-    """What `design --settle` predicts of its trajectory."""
+class DiscriminationPlan(ResultFile):
+    """What `design --discriminate` predicts of its trajectory."""
 
     trajectory: str
     """Its file."""
@@ -281,11 +281,15 @@ class SettlingPlan(ResultFile):
 
 
 def _predicted(
-    settling: Settling, open_: OpenQuestions, pair: OpenPair, best: PlannedRecording, load: float
+    search: ExperimentSearch,
+    open_: OpenQuestions,
+    pair: OpenPair,
+    best: PlannedRecording,
+    load: float,
 ) -> PredictedSeparation:
     first, second = pair.members(open_)
-    experiment = settling.machinery.experiment(pair.question, [best])
-    settled = pair.clearness(experiment) >= 1.0
+    experiment = search.machinery.experiment(pair.question, [best])
+    discriminated = pair.clearness(experiment) >= 1.0
     return PredictedSeparation(
         kind=open_.questions[pair.question].kind,
         first=_told(first),
@@ -293,15 +297,15 @@ def _predicted(
         told=second.separation if second is not None and pair.places[0] == 0 else None,
         predicted=pair.separation(experiment),
         needed=pair.asked(experiment),
-        actions=[] if settled else _actions(settling, pair, best, load),
-        settled_by="" if settled else first.settled_by,
+        actions=[] if discriminated else _actions(search, pair, best, load),
+        discriminated_by="" if discriminated else first.discriminated_by,
     )
 
 
 def _actions(
-    settling: Settling, pair: OpenPair, best: PlannedRecording, load: float
+    search: ExperimentSearch, pair: OpenPair, best: PlannedRecording, load: float
 ) -> list[HelpfulAction]:
-    """Those by which a second recording settles what it does not settle without."""
+    """Those by which a second recording discriminates what this motion alone does not."""
     out = []
     for words, second in (
         (f"hang a known weight of {load:g} kg", replace(best, load=load)),
@@ -311,7 +315,7 @@ def _actions(
         ),
     ):
         try:
-            experiment = settling.machinery.experiment(pair.question, [best, second])
+            experiment = search.machinery.experiment(pair.question, [best, second])
             if pair.clearness(experiment) >= 1.0:
                 out.append(HelpfulAction(action=words, separation=pair.separation(experiment)))
         except CraneError:
@@ -323,18 +327,18 @@ def _told(member: OpenMember | None) -> str:
     return "" if member is None else f"{member.name} ({member.joint})"
 
 
-def lines(plan: SettlingPlan) -> list[str]:
+def lines(plan: DiscriminationPlan) -> list[str]:
     """The plan as a table, and what to do if the motion does not suffice."""
     rows, remedies = [("answers", "told so far", "predicted", "needed")], []
     for pair in plan.separations:
         names = f"{pair.first} | {pair.second or 'nothing'}"
         rows.append((names, _sigma(pair.told), _sigma(pair.predicted), _sigma(pair.needed)))
-        if pair.settled_by:
+        if pair.discriminated_by:
             helpful = [
                 f"{act.action} in a second recording: {_sigma(act.separation)}"
                 for act in pair.actions
-            ] or [pair.settled_by]
-            remedies.append(f"motion alone does not settle {names}: {'; or '.join(helpful)}")
+            ] or [pair.discriminated_by]
+            remedies.append(f"motion alone does not discriminate {names}: {'; or '.join(helpful)}")
     first, *widths = (max(map(len, column)) for column in zip(*rows, strict=True))
     table = [
         "  ".join([name.ljust(first), *map(str.rjust, numbers, widths)]).rstrip()
@@ -343,15 +347,15 @@ def lines(plan: SettlingPlan) -> list[str]:
     return table + remedies
 
 
-def beyond(asked: Settling, predicted: Settling, open_: OpenQuestions) -> list[str]:
-    """What no recording can be predicted of, and the experiment that settles it."""
+def beyond(asked: ExperimentSearch, predicted: ExperimentSearch, open_: OpenQuestions) -> list[str]:
+    """What no recording can be predicted of, and the experiment that discriminates it."""
     out = []
     for pair in asked.pairs:
         if any(pair is kept for kept in predicted.pairs):
             continue
         first, second = pair.members(open_)
         names = f"{_told(first)} | {_told(second) or 'nothing'}"
-        out.append(f"no motion is sought for {names}: {first.settled_by}")
+        out.append(f"no motion is sought for {names}: {first.discriminated_by}")
     return out
 
 
@@ -372,8 +376,8 @@ def open_lines(open_: OpenQuestions) -> Sequence[str]:
     ]
 
 
-class SettleRequest(NamedTuple):
-    """What is asked of `design --settle`."""
+class DiscriminationRequest(NamedTuple):
+    """What is asked of `design --discriminate`."""
 
     folder: Path  # of the diagnosis
     terms: Path | None
@@ -388,35 +392,33 @@ class SettleRequest(NamedTuple):
     provenance: str
 
 
-def settle(request: SettleRequest) -> None:
+def discriminate(request: DiscriminationRequest) -> None:
     """Print and write the motion; raises `CraneError` with what is wrong."""
     folder, name, file = request.folder, request.machine, request.out
     if request.terms:
         load_terms(request.terms)
     open_ = read_open(folder / "findings.json")
     if not open_.questions:
-        print("nothing is open that a motion could settle")
+        print("nothing is open that a motion could discriminate")
         return
     model = load_model(folder / "model.yaml").of_machine()
     settings = load_design_settings(machine_file("design.yaml", name, request.settings))
     clearance = load_clearance(machine_file("clearance.yaml", name, request.clearance))
     print("\n".join(open_lines(open_)))
-    asked = _settling(model, open_, settings, clearance, request.duration, request.starts)
-    settling = asked.predictable(request.seed)
-    print("\n".join(beyond(asked, settling, open_)))
-    if not settling.pairs:
+    asked = _experiment_search(model, open_, settings, clearance, request.duration, request.starts)
+    search = asked.predictable(request.seed)
+    print("\n".join(beyond(asked, search, open_)))
+    if not search.pairs:
         return
-    with progress_bar("design", settling.steps) as bar:
-        best = settling.recording(settling.search(request.seed, bar.update))
+    with progress_bar("design", search.steps) as bar:
+        best = search.recording(search.search(request.seed, bar.update))
     file.parent.mkdir(parents=True, exist_ok=True)
     plan, picture = file.with_suffix(".json"), file.with_suffix(".png")
-    told = SettlingPlan(
+    told = DiscriminationPlan(
         trajectory=file.name,
         periods=best.periods,
         duration=best.duration,
-        separations=[
-            _predicted(settling, open_, pair, best, request.load) for pair in settling.pairs
-        ],
+        separations=[_predicted(search, open_, pair, best, request.load) for pair in search.pairs],
     )
     update = {"name": file.stem, "provenance": request.provenance}
     save(file, best.trajectory.model_copy(update=update))
@@ -431,14 +433,14 @@ def settle(request: SettleRequest) -> None:
     print(f"written: {file}, {plan}, {picture}")
 
 
-def _settling(
+def _experiment_search(
     model: Model,
     open_: OpenQuestions,
     settings: DesignSettings,
     clearance: Clearance,
     duration: float,
     starts: int,
-) -> Settling:
+) -> ExperimentSearch:
     noise = np.array([open_.noise.get(joint) or np.inf for joint in model.joints])
     if not np.isfinite(noise).any() or not open_.row_rate:
         raise ConfigurationError(
@@ -469,4 +471,4 @@ def _settling(
             )
         )
     machinery = Machinery(models, noise, open_.row_rate)
-    return Settling(machinery, tuple(pairs_of(open_)), tuple(families), duration, starts)
+    return ExperimentSearch(machinery, tuple(pairs_of(open_)), tuple(families), duration, starts)

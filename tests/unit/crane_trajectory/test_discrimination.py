@@ -1,4 +1,4 @@
-"""The design of an experiment for what is open: prediction, motions, and `design --settle`."""
+"""The design of experiments for what is open: predictions, motions, `design --discriminate`."""
 
 import json
 from dataclasses import replace
@@ -16,18 +16,18 @@ from crane_model.result_file import OpenMember, OpenQuestion, OpenQuestions, Que
 from crane_model.terms import Term, term_from_mapping
 from crane_model.terms.friction import Coulomb
 from crane_trajectory.design import main
+from crane_trajectory.excitation.discrimination import model_of, pairs_of
 from crane_trajectory.excitation.limits import load_design_settings
-from crane_trajectory.excitation.sweeps import CourseDraws
-from crane_trajectory.motion.check import load_clearance, trajectory_violations
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.settling.prediction import (
+from crane_trajectory.excitation.prediction import (
     Hypothesis,
     PlannedExperiment,
     PlannedRecording,
     steady_pressures,
 )
-from crane_trajectory.settling.settling import model_of, pairs_of
+from crane_trajectory.excitation.sweeps import CourseDraws
+from crane_trajectory.motion.check import load_clearance, trajectory_violations
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = crane_model()
 MACHINE = MODEL.machine
@@ -58,7 +58,7 @@ def member(hypothesis: Hypothesis, joint: str = "outer_boom", **more: float) -> 
         term=term.model_dump(),
         values=hypothesis.values.tolist(),
         separation=more.get("separation"),
-        settled_by=term.effect.settled_by,
+        discriminated_by=term.effect.discriminated_by,
     )
 
 
@@ -216,18 +216,18 @@ def write(folder: Path, *questions: OpenQuestion) -> None:
     (folder / "findings.json").write_text(json.dumps(content), encoding="utf-8")
 
 
-def settled(folder: Path, out: Path) -> dict:
-    assert main(["--settle", str(folder), "--out", str(out), "--starts", "6"]) == 0
+def discriminated(folder: Path, out: Path) -> dict:
+    assert main(["--discriminate", str(folder), "--out", str(out), "--starts", "6"]) == 0
     return json.loads(out.with_suffix(".json").read_text(encoding="utf-8"))
 
 
-def test_the_motion_designed_settles_better_than_that_of_an_excitation(
+def test_the_motion_designed_discriminates_better_than_that_of_an_excitation(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    plan_ = settled(folder, tmp_path / "settle.yaml")
-    trajectory = load_trajectory(tmp_path / "settle.yaml")
-    assert (tmp_path / "settle.png").is_file()
-    assert "design --settle" in trajectory.provenance
+    plan_ = discriminated(folder, tmp_path / "discriminate.yaml")
+    trajectory = load_trajectory(tmp_path / "discriminate.yaml")
+    assert (tmp_path / "discriminate.png").is_file()
+    assert "design --discriminate" in trajectory.provenance
     plan(MACHINE, trajectory, START, plan_["periods"], CLEARANCE)  # raises if it cannot be run
     assert plan_["duration"] == pytest.approx(plan_["periods"] * trajectory.period)
     before = PlannedExperiment(MODEL, [PlannedRecording(EXCITATION, 3)], NOISE, ROW_RATE)
@@ -235,13 +235,13 @@ def test_the_motion_designed_settles_better_than_that_of_an_excitation(
     assert len(plan_["separations"]) == 3
     assert [separation["told"] for separation in plan_["separations"]] == [3.0, 5.0, None]
     assert min(separation["predicted"] for separation in plan_["separations"]) > usual
-    assert all(separation["settled_by"] == "" for separation in plan_["separations"])
+    assert all(separation["discriminated_by"] == "" for separation in plan_["separations"])
     said = capsys.readouterr().out
     assert "ambiguous: load-dependent joint friction (outer_boom)" in said
     assert f"run_excitation --periods {plan_['periods']} --enable" in said
 
 
-def test_where_no_motion_settles_it_an_action_is_named(tmp_path: Path) -> None:
+def test_where_no_motion_discriminates_it_an_action_is_named(tmp_path: Path) -> None:
     """The offset of a transducer of the telescope is the same constant force as the asymmetry of
     its friction."""
     without = tuple(
@@ -256,10 +256,10 @@ def test_where_no_motion_settles_it_an_action_is_named(tmp_path: Path) -> None:
         for name, value in (("coulomb_asymmetry", 100.0), ("pressure_offset", 8e4))
     ]
     write(tmp_path, question(*(member(hypothesis, "telescope") for hypothesis in constants)))
-    (separation,) = settled(tmp_path, tmp_path / "settle.yaml")["separations"]
+    (separation,) = discriminated(tmp_path, tmp_path / "discriminate.yaml")["separations"]
     assert separation["predicted"] < 0.01
     assert separation["actions"] == []
-    assert separation["settled_by"] == "readings of the pressure transducers at zero pressure"
+    assert separation["discriminated_by"] == "readings of the pressure transducers at zero pressure"
 
 
 ASYMMETRY = ("coulomb_asymmetry", "telescope")
@@ -270,9 +270,11 @@ def test_nothing_open_needs_no_motion(
 ) -> None:
     save_model(tmp_path / "model.yaml", MODEL)
     write(tmp_path)
-    assert main(["--settle", str(tmp_path), "--out", str(tmp_path / "settle.yaml")]) == 0
+    assert (
+        main(["--discriminate", str(tmp_path), "--out", str(tmp_path / "discriminate.yaml")]) == 0
+    )
     assert "nothing is open" in capsys.readouterr().out
-    assert not (tmp_path / "settle.yaml").exists()
+    assert not (tmp_path / "discriminate.yaml").exists()
 
 
 def test_what_cannot_be_foretold_is_said_and_the_rest_is_designed_for(
@@ -284,7 +286,7 @@ def test_what_cannot_be_foretold_is_said_and_the_rest_is_designed_for(
         term_from_mapping({"type": "temperature_viscosity", "joint": "outer_boom"}), np.ones(1)
     )
     write(tmp_path, question(member(warmth), member(WORN), member(LOAD_FRICTION)))
-    (separation,) = settled(tmp_path, tmp_path / "new" / "settle.yaml")["separations"]
+    (separation,) = discriminated(tmp_path, tmp_path / "new" / "discriminate.yaml")["separations"]
     assert {separation["first"], separation["second"]} == {
         "position-dependent Coulomb friction (outer_boom)",
         "load-dependent joint friction (outer_boom)",
@@ -303,7 +305,9 @@ def test_a_folder_without_questions_is_refused(
 ) -> None:
     if content is not None:
         (tmp_path / "findings.json").write_text(json.dumps(content), encoding="utf-8")
-    assert main(["--settle", str(tmp_path), "--out", str(tmp_path / "settle.yaml")]) == 1
+    assert (
+        main(["--discriminate", str(tmp_path), "--out", str(tmp_path / "discriminate.yaml")]) == 1
+    )
     assert said in capsys.readouterr().err
 
 
@@ -320,6 +324,6 @@ def test_a_term_that_is_not_determined_is_asked_whether_it_is_there(tmp_path: Pa
         update={"kind": QuestionKind.UNDETERMINED}
     )
     write(tmp_path, asked)
-    (separation,) = settled(tmp_path, tmp_path / "settle.yaml")["separations"]
+    (separation,) = discriminated(tmp_path, tmp_path / "discriminate.yaml")["separations"]
     assert separation["second"] == ""
     assert separation["predicted"] > separation["needed"]

@@ -1,8 +1,8 @@
-"""Classes that a narrow motion leaves open, and the experiment that settles each, from end to end.
+"""Ambiguity groups of a narrow motion, and the experiments that discriminate them, end to end.
 
 A crane that hides one effect is recorded twice on motions that are narrow, above all of the other
-joints, and diagnosed; `design --settle` finds a motion, which is recorded once; and all of them are
-diagnosed.
+joints, and diagnosed; `design --discriminate` finds a motion, which is recorded once; and all of
+them are diagnosed.
 """
 
 import json
@@ -68,7 +68,7 @@ class Answer:
         """Whether the effect is among what is named."""
         return any(same(one, case) for members in self.classes for one in members)
 
-    def settled(self, case: HiddenCase) -> bool:
+    def discriminated(self, case: HiddenCase) -> bool:
         """Whether it is named, and nothing beside it; another law of it is the same effect."""
         return (
             self.verdict == "named"
@@ -151,10 +151,10 @@ def diagnosed(folder: Path, out: str, *more: str) -> Answer:
 
 
 def designed(folder: Path, out: str) -> dict[str, Any]:
-    """The plan for what a diagnosis left open; its motion is recorded as `settling`."""
-    run(design, "--settle", folder / out, "--out", folder / "settle.yaml")
-    plan: dict[str, Any] = json.loads((folder / "settle.json").read_text(encoding="utf-8"))
-    record(folder, "settling", folder / "settle.yaml", plan["periods"], 4)
+    """The plan for what a diagnosis left open; its motion is recorded as `discriminating`."""
+    run(design, "--discriminate", folder / out, "--out", folder / "discriminate.yaml")
+    plan: dict[str, Any] = json.loads((folder / "discriminate.json").read_text(encoding="utf-8"))
+    record(folder, "discriminating", folder / "discriminate.yaml", plan["periods"], 4)
     return plan
 
 

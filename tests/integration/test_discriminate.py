@@ -5,15 +5,22 @@ import shlex
 from pathlib import Path
 
 import pytest
-from integration.settled import HiddenCase, diagnosed, findings, narrowly_recorded, record, run
+from integration.discriminated import (
+    HiddenCase,
+    diagnosed,
+    findings,
+    narrowly_recorded,
+    record,
+    run,
+)
 
 from crane_trajectory.design import main as design
-from crane_trajectory.settling.settling import SettlingPlan
+from crane_trajectory.excitation.discrimination import DiscriminationPlan
 
 CASE = HiddenCase("load_friction", "outer_boom", 0.03)
 
 
-def test_the_experiment_that_is_named_settles_the_class(
+def test_the_experiment_that_is_named_discriminates_the_group(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     narrowly_recorded(tmp_path, CASE)
@@ -31,9 +38,11 @@ def test_the_experiment_that_is_named_settles_the_class(
     named = re.search(r"ros2 run crane_trajectory design (.*)", said)
     assert named is not None
     run(design, *shlex.split(named[1]))
-    plan = SettlingPlan.read(tmp_path / "before" / "settle.json")
+    plan = DiscriminationPlan.read(tmp_path / "before" / "discriminate.json")
     assert all((one.predicted or 0.0) > (one.told or 0.0) for one in plan.separations)
-    record(tmp_path, "settling", tmp_path / "before" / "settle.yaml", plan.periods, seed=4)
-    after = diagnosed(tmp_path, "after", "settling")
-    assert after.settled(CASE)
+    record(
+        tmp_path, "discriminating", tmp_path / "before" / "discriminate.yaml", plan.periods, seed=4
+    )
+    after = diagnosed(tmp_path, "after", "discriminating")
+    assert after.discriminated(CASE)
     assert findings(tmp_path / "after")["open"]["questions"] == []

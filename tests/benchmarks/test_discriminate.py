@@ -1,16 +1,17 @@
-"""Of classes that recordings leave open, the experiment of `design --settle` settles nine in ten at
-least: recorded on the simulated crane, and diagnosed with what was there.
+"""The experiment of `design --discriminate` decides at least nine in ten ambiguity groups.
+
+Each is recorded on the simulated crane, and diagnosed with what was there.
 """
 
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from integration.settled import CASES, HiddenCase, designed, diagnosed, narrowly_recorded
+from integration.discriminated import CASES, HiddenCase, designed, diagnosed, narrowly_recorded
 
 from crane_model.terms import REGISTRY
 
-SETTLED: dict[str, bool] = {}
+DISCRIMINATED: dict[str, bool] = {}
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -22,8 +23,8 @@ def test_the_experiment_is_for_the_class(
     assert before.verdict == "ambiguous"
     assert before.holds(case)
     plan = designed(tmp_path, "before")
-    after = diagnosed(tmp_path, "after", "settling")
-    SETTLED[case.name] = after.settled(case)
+    after = diagnosed(tmp_path, "after", "discriminating")
+    DISCRIMINATED[case.name] = after.discriminated(case)
     told = min(one["told"] for one in plan["separations"] if one["told"] is not None)
     foretold = min(one["predicted"] for one in plan["separations"])
     effect = REGISTRY[case.effect].effect
@@ -33,18 +34,23 @@ def test_the_experiment_is_for_the_class(
         "of the class; least separation told, foretold; recording; answer with it",
         "named",
         f"{len(before.classes[0])}; {told:.1f}, {foretold:.0f} σ; {plan['duration']:.0f} s; "
-        + ("named" if SETTLED[case.name] else f"`{after.verdict}`, not settled"),
+        + ("named" if DISCRIMINATED[case.name] else f"`{after.verdict}`, not discriminated"),
         members=len(before.classes[0]),
         told=told,
         foretold=foretold,
         duration=plan["duration"],
-        settled=SETTLED[case.name],
+        discriminated=DISCRIMINATED[case.name],
     )
 
 
-def test_nine_in_ten_classes_are_settled(measured: Callable[..., None]) -> None:
-    if len(SETTLED) < len(CASES):
+def test_nine_in_ten_groups_are_discriminated(measured: Callable[..., None]) -> None:
+    if len(DISCRIMINATED) < len(CASES):
         pytest.skip("not every class was asked")
-    count = sum(SETTLED.values())
-    measured("classes settled", "9 in 10", f"{count} of {len(SETTLED)}", settled=count)
-    assert count >= 0.9 * len(SETTLED)
+    count = sum(DISCRIMINATED.values())
+    measured(
+        "ambiguity groups discriminated",
+        "9 in 10",
+        f"{count} of {len(DISCRIMINATED)}",
+        discriminated=count,
+    )
+    assert count >= 0.9 * len(DISCRIMINATED)

@@ -24,7 +24,7 @@ STANDING = 0.01  # share of the largest speed of a motion, below which the sign 
 USED_SHARE = 0.5  # of the samples of a row, that must be used
 SHAPE_STEP = 0.02  # relative, of the difference with respect to a nonlinear parameter
 ROUNDING = 1e-9  # of the largest column: what is left of one below is rounding
-FORCE_ROUNDS = 2  # in which the force settles that terms of a model take from the force
+FORCE_ROUNDS = 2  # in which the force converges that terms of a model take from the force
 
 
 def steady_pressures(
