@@ -71,10 +71,10 @@ def known(name: str, machine: Machine, model: Model) -> str:
     text = (
         f"{_measured(machine, model)} Of {10 * len(machine.joints)} inertial parameters of "
         f"{_bodies(len(machine.joints))}, {len(rows) - friction} combinations show in the forces; "
-        f"friction (13) adds {friction}. *Planted* is what the simulated crane has, as `ros2 run "
-        f"crane_sim true_values --machine {name}` prints it."
+        f"friction (13) adds {friction}. The true values are those of the simulated crane; `ros2 "
+        f"run crane_sim true_values --machine {name}` prints them."
     )
-    return f"""## Planted, and identifiable
+    return f"""## True values, and identifiable parameters
 
 {text}
 

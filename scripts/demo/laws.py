@@ -66,7 +66,7 @@ class Law:
     def note_true_values(self, suite: Processes) -> None:
         """Write the true values of the simulated crane to a file beside its bags."""
         text = suite.output(
-            *("planted", "crane_sim", "true_values", "--machine", self.machine),
+            *("true_values", "crane_sim", "true_values", "--machine", self.machine),
             *("--plant", self.plant, "--json"),
         )
         self.true_values_file.write_text(text, encoding="utf-8")

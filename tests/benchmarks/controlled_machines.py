@@ -7,7 +7,7 @@ import numpy as np
 
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
 from crane_sim.parts.parameters import Edges, SimulatedCrane, load_simulated_crane
 
@@ -17,7 +17,7 @@ class Controlled(NamedTuple):
 
     machine: Machine
     simulated: SimulatedCrane
-    hidden: tuple[Planted, ...] = ()
+    hidden: tuple[InjectedForm, ...] = ()
     name: str = DEFAULT_MACHINE
 
     @property
@@ -36,7 +36,7 @@ class Controlled(NamedTuple):
     ) -> "Controlled":
         """With an effect more, on all joints with transducers or on `joints`."""
         form = FORMS[effect][0]
-        more = tuple(Planted(form, one, tuple(values)) for one in joints or self.measured)
+        more = tuple(InjectedForm(form, one, tuple(values)) for one in joints or self.measured)
         return self._replace(hidden=(*self.hidden, *more))
 
 

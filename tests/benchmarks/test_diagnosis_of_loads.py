@@ -25,7 +25,7 @@ def log(name: str, mass: float) -> Log:
     """All begin at the same stamp, so that names alone tell them apart."""
     model = crane_model().with_term(Payload())
     theta = [*crane_model().theta, mass]
-    carrying = model.with_estimate(theta, [0.0] * len(theta), "planted")
+    carrying = model.with_estimate(theta, [0.0] * len(theta), "true values")
     return replace(crane_log(ord(name), 2, carrying, 30.0 * FORCE_NOISE), source=name)
 
 

@@ -1,4 +1,4 @@
-"""Do 95 % intervals hold the planted value in 95 % of experiments? A thousand of them."""
+"""Do 95 % intervals hold the true value in 95 % of experiments? A thousand of them."""
 
 import multiprocessing
 from typing import NamedTuple
@@ -48,7 +48,7 @@ def test_intervals_cover_what_they_claim(outcomes: Outcome, measured) -> None:
     print(f"  pooled             {pooled:6.1%}  (standard error {spread:.2%})")
     single = covered.mean(axis=0)
     measured(
-        f"95 % intervals that cover the planted value, {EXPERIMENTS} experiments, pooled",
+        f"95 % intervals that cover the true value, {EXPERIMENTS} experiments, pooled",
         "93 to 97 %",
         "{pooled:.1%} ± {spread:.2%}; single parameters {lowest:.1%} to {highest:.1%}",
         pooled=pooled,

@@ -37,7 +37,7 @@ def test_fit_to_bags_made_faster_than_real_time(
     row = of_joints("error", f"held-out force, relative to τ ({', '.join(errors)})", errors, ".2%")
     measured(*row.cells, **row.values)
     measured(
-        f"{len(off)} planted parameters: within 2 σ; farthest off",
+        f"{len(off)} true parameters: within 2 σ; farthest off",
         "",
         "{within:.0f}; {farthest:.1f} σ",
         within=np.sum(off < 2.0),

@@ -73,20 +73,20 @@ PLANTS: dict[str, tuple[Callable[[], SimulatedCrane], float]] = {
 def test_one_bag_tells_the_hydraulics(plant: str, live: bool, measured: Measured) -> None:
     make, width = PLANTS[plant]
     simulated = make()
-    planted = [play(joint, width) for joint in FITTED] if width else []
-    log = recorded(simulated, seed=11, planted=planted, live=live)
+    effects = [play(joint, width) for joint in FITTED] if width else []
+    log = recorded(simulated, seed=11, effects=effects, live=live)
     found = {joint: identify_joint(MACHINE, joint, [log], PERIOD).values for joint in FITTED}
-    values, planted_values = {}, {}
+    values, true_values = {}, {}
     for joint in FITTED:
         true = truth(simulated, joint, width)
         true["lag"] += mean_delay(simulated.sensors.period) if live else 0.0
         for name, one in found[joint].values.items():
             if one.std_dev is not None:
                 values[f"{name}.{joint}"] = one.value, one.std_dev
-                planted_values[f"{name}.{joint}"] = true[name]
+                true_values[f"{name}.{joint}"] = true[name]
     missed = []
     for what, aim in HYDRAULIC_AIMS.items():
-        error, std_dev = worst(aim, values, planted_values)
+        error, std_dev = worst(aim, values, true_values)
         allowed = aim.live if live else aim.made
         kind = "live" if live else "made"
         told = f"{aim.told(error)}, σ {aim.told(std_dev)}"
@@ -124,7 +124,7 @@ def test_dead_volumes_of_many_live_bags(measured: Measured) -> None:
 
 
 def test_the_bag_of_the_demo_tells_the_hydraulics(measured: Measured) -> None:
-    """Recorded live, from before the first command on; what its lag is nobody planted."""
+    """Recorded live, from before the first command on; what its lag is nobody effects."""
     model, summary = load_model(machine_file("model.yaml")), DEMO / "summary.json"
     if not summary.is_file() or Summary.read(summary).model != model.name:
         pytest.skip(f"no {DEMO.relative_to(ROOT)} of this machine; first: make demo")

@@ -14,7 +14,7 @@ from crane_model.errors import RangeError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.calibration import calibrate
-from crane_sim.effects.form import Form, Planted
+from crane_sim.effects.form import Form, InjectedForm
 from crane_sim.effects.kernel import FORMS
 from crane_sim.ground_truth import InjectedEffect, Spec
 from crane_sim.parts.parameters import load_simulated_crane, vary, vary_valves
@@ -35,9 +35,9 @@ def suspected(seed: int) -> tuple[str, list[str], bool]:
         simulated = vary_valves(simulated, machine, seed)
     maker = Maker(rng, machine, simulated.start, load_clearance(machine_file("clearance.yaml")))
     train, validate = maker.of_the_field(1) if seed % 4 == 0 else maker.designed(1)
-    planted: tuple[Planted, ...] = ()
+    effects: tuple[InjectedForm, ...] = ()
     if seed % 2:
-        planted = _hidden(
+        effects = _hidden(
             rng,
             seed,
             lambda spec: calibrate(
@@ -50,13 +50,13 @@ def suspected(seed: int) -> tuple[str, list[str], bool]:
         )
     found = []
     for number, course in enumerate((*train, *validate)):
-        checked = check(machine, recorded(simulated, course, 10 * seed + number, planted))
+        checked = check(machine, recorded(simulated, course, 10 * seed + number, effects))
         found += checked.suspicions
-    hidden = ", ".join(f"{one.form.effect} {one.form.name} {one.joint}" for one in planted)
+    hidden = ", ".join(f"{one.form.effect} {one.form.name} {one.joint}" for one in effects)
     return hidden, [str(one) for one in found], any(one.decisive for one in found)
 
 
-def _hidden(rng, seed, planted):
+def _hidden(rng, seed, effects):
     """An effect of the catalogue that this machine and motion can have at that strength."""
     forms: list[tuple[Form, str | None]] = [
         (form, joint)
@@ -69,7 +69,7 @@ def _hidden(rng, seed, planted):
         form, joint = forms[k]
         effect = InjectedEffect(effect=form.effect, joint=joint, form=form.name, strength=STRENGTH)
         try:
-            return planted(Spec(seed=seed, effects=(effect,)))
+            return effects(Spec(seed=seed, effects=(effect,)))
         except RangeError:
             continue
     raise AssertionError("no effect can be hidden")

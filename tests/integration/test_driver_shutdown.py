@@ -18,7 +18,7 @@ check, signals = DriverLoop.check, []
 signal.signal(signal.SIGUSR1, lambda number, frame: signals.append(number))
 def fail(loop, *arguments):
     if signals:
-        raise ZeroDivisionError("planted in a callback")
+        raise ZeroDivisionError("raised in a callback")
     check(loop, *arguments)
 DriverLoop.check = fail
 sys.exit(main(sys.argv[1:]))

@@ -22,7 +22,13 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-from unit.crane_identification.online.online_crane import PLANTED, START, crane, motion, record_log
+from unit.crane_identification.online.online_crane import (
+    START,
+    TRUE_VALUES,
+    crane,
+    motion,
+    record_log,
+)
 
 from crane_identification.data.log import Log
 from crane_identification.online.estimator import OnlineOptions
@@ -196,8 +202,8 @@ def test_estimate_over_topics_is_that_of_the_offline_recursion(stage: Stage, log
     np.testing.assert_allclose(model.values, solution.values, rtol=1e-6)
     at = np.linspace(1.0, 20.0, 200)
     record = Record(model.joints, at, *motion(at))
-    planted = crane().with_estimate(PLANTED.astype(float), 0.0 * PLANTED, "planted")
-    truth = planted.predict(record)
+    true_values = crane().with_estimate(TRUE_VALUES.astype(float), 0.0 * TRUE_VALUES, "true values")
+    truth = true_values.predict(record)
     error = np.linalg.norm(model.predict(record) - truth, axis=0)
     assert (error < 0.02 * np.linalg.norm(truth, axis=0)).all()
 

@@ -37,7 +37,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @pytest.fixture(scope="module")
-def planted() -> dict[str, float]:
+def true_values() -> dict[str, float]:
     """Theta of the machine, and its hydraulics."""
     return json.loads(_run("crane_sim", "true_values", "--json").stdout)
 
@@ -59,14 +59,14 @@ def summary(result: Path) -> dict[str, Any]:
     return json.loads((result / "summary.json").read_text(encoding="utf-8"))
 
 
-def test_planted_parameters_are_found(summary: dict[str, Any], planted: dict[str, float]) -> None:
+def test_true_parameters_are_found(summary: dict[str, Any], true_values: dict[str, float]) -> None:
     """Within 3 sigma but for one at most, and every sigma under 10 % of its value."""
     rows = summary["parameters"]
     names = [row["name"] for row in rows]
-    assert names + [row["name"] for row in summary["hydraulics"]] == list(planted)
+    assert names + [row["name"] for row in summary["hydraulics"]] == list(true_values)
     value = np.array([row["value"] for row in rows])
     std_dev = np.array([row["std_dev"] for row in rows])
-    true = np.array([planted[name] for name in names])
+    true = np.array([true_values[name] for name in names])
     assert (std_dev < 0.1 * np.abs(value)).all()
     assert (np.abs(value - true) > 3.0 * std_dev).sum() <= 1
     assert (np.abs(value - true) < 0.1 * np.abs(true)).all()

@@ -97,8 +97,8 @@ def test_forces_are_as_hard_as_those_of_the_report(topics: dict[str, TopicData])
     """F4 peaks near 3000 N, with telescope and gripper under 200 kg."""
     effort = topics[JOINT_STATES.name].select(["telescope"]).fields["effort"]
     assert 2000.0 < np.nanmax(np.abs(effort)) < 4000.0
-    planted = json.loads(_run("true_values", "--json").stdout)
-    assert planted["m_TL"] < 200.0
+    true_values = json.loads(_run("true_values", "--json").stdout)
+    assert true_values["m_TL"] < 200.0
 
 
 def test_same_seed_same_bag_and_another_seed_other_noise(bag: Path, tmp_path: Path) -> None:

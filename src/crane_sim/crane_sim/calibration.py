@@ -10,7 +10,7 @@ import numpy as np
 from crane_model.errors import RangeError
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
-from crane_sim.effects.form import Form, Planted, Scale
+from crane_sim.effects.form import Form, InjectedForm, Scale
 from crane_sim.effects.loads import HASTY_SLEWING, SLEWS, UNEVEN_SLEWING
 from crane_sim.effects.sensing import faults
 from crane_sim.ground_truth import Clean, Spec, check_joints, clean
@@ -80,9 +80,9 @@ def _with_slew(values: np.ndarray, slewed: np.ndarray) -> np.ndarray:
     return values
 
 
-def slewing(motion: Course, planted: Sequence[Planted]) -> Course:
+def slewing(motion: Course, effects: Sequence[InjectedForm]) -> Course:
     """The motion, with the slew if one of the effects is that of slewing."""
-    for effect in planted:
+    for effect in effects:
         law = effect.form.law
         if isinstance(law, int) and law in SLEWS:
             speed, frequency = effect.values[:2]
@@ -107,7 +107,7 @@ class UnmovedError(RangeError):
 
 def calibrate(
     spec: Spec, machine: Machine, simulated: SimulatedCrane, motion: Course, gains: Gains
-) -> tuple[Planted, ...]:
+) -> tuple[InjectedForm, ...]:
     """The effects of a spec with all their parameters, for a machine on a motion.
 
     If an effect has a strength, its magnitude is changed until its part in the force comes within 5
@@ -138,47 +138,47 @@ def calibrate(
 
 
 def reach(
-    planted: tuple[Planted, ...],
+    effects: tuple[InjectedForm, ...],
     machine: Machine,
     simulated: SimulatedCrane,
     motion: Course,
     gains: Gains,
     build: Build,
-) -> tuple[Planted, ...]:
+) -> tuple[InjectedForm, ...]:
     """The effects with magnitudes such that each has the strength it is asked for, in the machine
     that `build` makes of `simulated`; as `calibrate` says. `UnmovedError` if an effect does nothing
     or, with a smaller magnitude, no less.
     """
-    open_ended = [k for k, effect in enumerate(planted) if effect.requested is not None]
+    open_ended = [k for k, effect in enumerate(effects) if effect.requested is not None]
     exponent = dict.fromkeys(open_ended, 1.0)  # of the strength as a power of the magnitude
     last: dict[int, tuple[float, float]] = {}
     flat = dict.fromkeys(open_ended, 0)
     for _ in range(MAX_TRIES if open_ended else 0):
-        moved_with = moved(planted, machine, simulated, motion, gains, build)
-        reached = moved_with.strength(planted, machine)
-        ratio = {k: (planted[k].requested or 0.0) / max(reached[k], 1e-12) for k in open_ended}
+        moved_with = moved(effects, machine, simulated, motion, gains, build)
+        reached = moved_with.strength(effects, machine)
+        ratio = {k: (effects[k].requested or 0.0) / max(reached[k], 1e-12) for k in open_ended}
         if all(abs(np.log(r)) < STRENGTH_TOLERANCE for r in ratio.values()):
-            return planted
+            return effects
         for k, wanted in ratio.items():
-            magnitude = planted[k].values[0]
+            magnitude = effects[k].values[0]
             if k in last and reached[k] == 0.0 == last[k][1]:
-                raise UnmovedError(_unseen(planted[k]))
+                raise UnmovedError(_unseen(effects[k]))
             smaller = k in last and abs(magnitude) < abs(last[k][0])
             same = smaller and reached[k] >= (1.0 - FLAT_SHARE) * last[k][1]
             flat[k] = flat[k] + 1 if same else 0
             if flat[k] == FLAT_TRIES:
-                raise UnmovedError(_no_less(planted[k], reached[k]))
+                raise UnmovedError(_no_less(effects[k], reached[k]))
             if k in last and last[k][0] != magnitude and reached[k] > 0.0 < last[k][1]:
                 slope = np.log(reached[k] / last[k][1]) / np.log(magnitude / last[k][0])
                 exponent[k] = float(np.clip(slope, 0.3, 3.0))
             last[k] = magnitude, reached[k]
             factor = wanted ** (1.0 / exponent[k])
             factor = float(np.clip(factor, 1.0 / MAX_FACTOR, MAX_FACTOR))
-            planted = _scaled(planted, k, factor, reached[k], machine, simulated)
+            effects = _scaled(effects, k, factor, reached[k], machine, simulated)
     if not open_ended:
-        return planted
+        return effects
     names = ", ".join(
-        f"'{planted[k].form.effect}' at {reached[k]:.3g} instead of {planted[k].requested}"
+        f"'{effects[k].form.effect}' at {reached[k]:.3g} instead of {effects[k].requested}"
         for k in open_ended
     )
     raise RangeError(
@@ -193,7 +193,7 @@ def injected_in(
     simulated: SimulatedCrane,
     gains: Gains,
     folder: Path | str | None = None,
-) -> tuple[Planted, ...]:
+) -> tuple[InjectedForm, ...]:
     """The effects of `spec` on the motion of its own: one machine, whatever is recorded of it.
 
     `folder` is that of the machine, or its name, as `machine_file` takes it.
@@ -206,24 +206,27 @@ def injected_in(
     return calibrate(spec, machine, simulated, motion, gains)
 
 
-def draw(spec: Spec, machine: Machine, simulated: SimulatedCrane) -> tuple[Planted, ...]:
+def draw(spec: Spec, machine: Machine, simulated: SimulatedCrane) -> tuple[InjectedForm, ...]:
     """The effects with the parameters that are given or drawn, each magnitude at its start."""
     check_joints(spec, machine, "injected effects")
-    planted = []
+    effects = []
     for index, effect in enumerate(spec.effects):
         drawn = draw_one(
             np.random.default_rng([spec.seed, index]),
             simulated,
-            Planted(effect.law, effect.joint, (), effect.strength),
+            InjectedForm(effect.law, effect.joint, (), effect.strength),
             effect.parameters,
         )
-        planted.append(drawn)
-    return tuple(planted)
+        effects.append(drawn)
+    return tuple(effects)
 
 
 def draw_one(
-    rng: np.random.Generator, simulated: SimulatedCrane, wanted: Planted, given: Mapping[str, float]
-) -> Planted:
+    rng: np.random.Generator,
+    simulated: SimulatedCrane,
+    wanted: InjectedForm,
+    given: Mapping[str, float],
+) -> InjectedForm:
     """The effect with the parameters that are `given`, and others drawn; its magnitude is at its
     start.
     """
@@ -239,7 +242,7 @@ def draw_one(
 
 
 def moved(
-    planted: Sequence[Planted],
+    effects: Sequence[InjectedForm],
     machine: Machine,
     simulated: SimulatedCrane,
     motion: Course,
@@ -249,10 +252,10 @@ def moved(
     """What the machine that `build` makes of `simulated`, by default the `Plant`, does with these
     effects on the motion.
     """
-    plant = (build or partial(Plant, simulated, machine))(motion.start, planted, 0.0)
-    sensors = Sensors(simulated.sensors, machine, 0, faults(planted, machine))
-    recording = record(slewing(motion, planted), plant, sensors, gains)
-    return clean(machine, planted, sensors.faults, recording.truth, plant.machine)
+    plant = (build or partial(Plant, simulated, machine))(motion.start, effects, 0.0)
+    sensors = Sensors(simulated.sensors, machine, 0, faults(effects, machine))
+    recording = record(slewing(motion, effects), plant, sensors, gains)
+    return clean(machine, effects, sensors.faults, recording.truth, plant.machine)
 
 
 def _scale(of: Scale, simulated: SimulatedCrane, joint: str | None) -> float:
@@ -260,24 +263,24 @@ def _scale(of: Scale, simulated: SimulatedCrane, joint: str | None) -> float:
 
 
 def _scaled(
-    planted: tuple[Planted, ...],
+    effects: tuple[InjectedForm, ...],
     k: int,
     factor: float,
     reached: float,
     machine: Machine,
     simulated: SimulatedCrane,
-) -> tuple[Planted, ...]:
+) -> tuple[InjectedForm, ...]:
     """With the magnitude of effect k times `factor`; `RangeError` if that is too much."""
-    effect = planted[k]
+    effect = effects[k]
     value, form = effect.values[0] * factor, effect.form
     highest = form.magnitude.highest * _scale(form.magnitude.of, simulated, effect.joint)
     if abs(value) > highest and abs(effect.values[0]) >= highest:
         raise RangeError(_beyond(form, effect, machine, highest, reached))
     values = (float(np.clip(value, -highest, highest)), *effect.values[1:])
-    return (*planted[:k], effect._replace(values=values), *planted[k + 1 :])
+    return (*effects[:k], effect._replace(values=values), *effects[k + 1 :])
 
 
-def _unseen(effect: Planted) -> str:
+def _unseen(effect: InjectedForm) -> str:
     return (
         f"injected effect '{effect.form.effect}' ({effect.form.name}) on "
         f"{effect.joint or 'the machine'} does nothing on this motion; take one that shows it, as "
@@ -285,7 +288,7 @@ def _unseen(effect: Planted) -> str:
     )
 
 
-def _no_less(effect: Planted, reached: float) -> str:
+def _no_less(effect: InjectedForm, reached: float) -> str:
     return (
         f"injected effect '{effect.form.effect}' ({effect.form.name}) on "
         f"{effect.joint or 'the machine'} has a strength of {reached:.4f} on this motion, however "
@@ -294,7 +297,9 @@ def _no_less(effect: Planted, reached: float) -> str:
     )
 
 
-def _beyond(form: Form, effect: Planted, machine: Machine, highest: float, reached: float) -> str:
+def _beyond(
+    form: Form, effect: InjectedForm, machine: Machine, highest: float, reached: float
+) -> str:
     unit = form.unit(form.magnitude.unit, machine, effect.joint)
     return (
         f"injected effect '{form.effect}' ({form.name}) on {effect.joint or 'the machine'} has a "

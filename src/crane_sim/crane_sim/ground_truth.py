@@ -14,7 +14,7 @@ from crane_model.cylinders import generalized_forces, lever_arms
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import Machine
 from crane_model.result_file import Number, ResultFile, ResultPart
-from crane_sim.effects.form import Form, Planted, SensorFault, measured_joints
+from crane_sim.effects.form import Form, InjectedForm, SensorFault, measured_joints
 from crane_sim.effects.kernel import FORMS
 from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.plant.closed_loop import States, TrueStates
@@ -124,13 +124,13 @@ class Clean(States):
     flow: np.ndarray  # (k, n, j) part of each effect in the flow into chamber A, m3/s
     strength_by_joint: np.ndarray  # (k, j) rms of the part over rms of the whole, while it slides
 
-    def strength(self, planted: Sequence[Planted], machine: Machine) -> np.ndarray:
+    def strength(self, effects: Sequence[InjectedForm], machine: Machine) -> np.ndarray:
         """(k,) on the joint of each effect; of the whole machine where it is strongest."""
         measured = [machine.index(joint) for joint in measured_joints(machine)]
         return np.array(
             [
                 row[measured].max() if effect.joint is None else row[machine.index(effect.joint)]
-                for effect, row in zip(planted, self.strength_by_joint, strict=True)
+                for effect, row in zip(effects, self.strength_by_joint, strict=True)
             ]
         )
 
@@ -141,12 +141,12 @@ class Clean(States):
 
 def clean(
     machine: Machine,
-    planted: Sequence[Planted],
+    effects: Sequence[InjectedForm],
     faults: Sequence[SensorFault],
     truth: TrueStates,
     actual: Machine | None = None,
 ) -> Clean:
-    """The parts of the effects `planted`, of which `faults` are those of sensors, in a recording.
+    """The parts of the `effects`, of which `faults` are those of sensors, in a recording.
 
     A fault's part is what it changes in the force that is computed from the readings, by the
     geometry of `machine`; that of the machine itself is `actual`, by default the same.
@@ -154,14 +154,14 @@ def clean(
     joints = machine.joint_names
     q, p_a, p_b = truth.position, truth.pressure_a, truth.pressure_b
     drive = seen = generalized_forces(machine, q, p_a, p_b, joints)
-    force = np.zeros((len(planted), *drive.shape))
+    force = np.zeros((len(effects), *drive.shape))
     flow = np.zeros_like(force)
-    inside = [k for k, effect in enumerate(planted) if isinstance(effect.form.law, int)]
+    inside = [k for k, effect in enumerate(effects) if isinstance(effect.form.law, int)]
     force[inside] = truth.injected_force
     if actual is not None and actual is not machine:
         force[inside] *= lever_arms(machine, q, joints) / lever_arms(actual, q, joints)
     flow[inside] = truth.injected_flow
-    outside = [k for k in range(len(planted)) if k not in inside]
+    outside = [k for k in range(len(effects)) if k not in inside]
     for k, fault in zip(outside, faults, strict=True):
         q = fault.positions(q)
         p_a, p_b = fault.pressures(truth.time, p_a, p_b)
@@ -247,11 +247,13 @@ class GroundTruth(ResultFile):
     """All of them."""
 
 
-def ground_truth(planted: Sequence[Planted], clean: Clean, machine: Machine) -> list[TrueEffect]:
+def ground_truth(
+    effects: Sequence[InjectedForm], clean: Clean, machine: Machine
+) -> list[TrueEffect]:
     """One entry an effect: what it is, its parameters, and the strength asked for and reached."""
     entries = []
-    reached = clean.strength(planted, machine)
-    for k, effect in enumerate(planted):
+    reached = clean.strength(effects, machine)
+    for k, effect in enumerate(effects):
         form = effect.form
         described = [(form.magnitude.name, form.magnitude.unit)]
         described += [(entry.name, entry.unit) for entry in form.draws]
@@ -303,7 +305,7 @@ def write_ground_truth(
     seed: int,
     machine: Machine,
     simulated: SimulatedCrane,
-    planted: Sequence[Planted],
+    effects: Sequence[InjectedForm],
     clean: Clean,
 ) -> None:
     """The ground truth of a bag and, beside it, the arrays of `clean`."""
@@ -313,7 +315,7 @@ def write_ground_truth(
         seed=seed,
         clean=clean_path(path).name,
         machine=_digest(machine, simulated),
-        effects=ground_truth(planted, clean, machine),
+        effects=ground_truth(effects, clean, machine),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     content.write(path)

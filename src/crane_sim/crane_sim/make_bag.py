@@ -38,7 +38,7 @@ from crane_model.model_file import load_model
 from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
 from crane_sim.calibration import injected_in, slewing
-from crane_sim.effects.form import Planted, SensorFault
+from crane_sim.effects.form import InjectedForm, SensorFault
 from crane_sim.effects.sensing import faults
 from crane_sim.ground_truth import Clean, check_place, clean, load_injected, write_ground_truth
 from crane_sim.options import add_faults, add_plant, load_both
@@ -121,7 +121,7 @@ def make(
     motion: Course,
     gains: Gains,
     seed: int,
-    planted: Sequence[Planted] = (),
+    effects: Sequence[InjectedForm] = (),
     moment: Moment = COLD,
     progress: Steps = iter,
     controller: Controller | None = None,
@@ -143,7 +143,7 @@ def make(
         Of the controller (36).
     seed
         Of noise and jitter.
-    planted
+    effects
         Injected effects.
     moment
         When the recording begins.
@@ -170,12 +170,12 @@ def make(
         If the crane cannot start where the motion does.
     """
     made = build or partial(Plant, simulated, machine)
-    plant = made(motion.start, planted, moment.running)
+    plant = made(motion.start, effects, moment.running)
     timed = Faults(machine, failing, seed, zero=moment.running)
-    sensors = Sensors(simulated.sensors, machine, seed, faults(planted, machine), timed, flaws)
-    recording = record(slewing(motion, planted), plant, sensors, gains, progress, controller)
+    sensors = Sensors(simulated.sensors, machine, seed, faults(effects, machine), timed, flaws)
+    recording = record(slewing(motion, effects), plant, sensors, gains, progress, controller)
     write_bag(out, machine, recording, moment.started)
-    return clean(machine, planted, sensors.faults, recording.truth, plant.machine)
+    return clean(machine, effects, sensors.faults, recording.truth, plant.machine)
 
 
 def date(text: str) -> datetime:
@@ -278,19 +278,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         gains = load_gains(machine_file("controller.yaml", request.machine, request.gains), machine)
         model = load_model(request.model) if request.model else None
         led = controller(request.law, machine, gains.arrays, model) if model else None
-        planted: tuple[Planted, ...] = ()
+        effects: tuple[InjectedForm, ...] = ()
         if request.inject is not None and request.ground_truth is not None:
             check_place(request.ground_truth, request.out)
             spec = load_injected(request.inject, machine, parameters)
-            planted = injected_in(spec, machine, parameters, gains, request.machine)
+            effects = injected_in(spec, machine, parameters, gains, request.machine)
         seed, moment = request.seed, Moment(request.started, request.running)
         truth = make(
-            request.out, machine, parameters, motion, gains, seed, planted, moment, progress, led,
+            request.out, machine, parameters, motion, gains, seed, effects, moment, progress, led,
             request.fault,
         )  # fmt: skip
         if request.ground_truth is not None:
             write_ground_truth(
-                request.ground_truth, request.out, seed, machine, parameters, planted, truth
+                request.ground_truth, request.out, seed, machine, parameters, effects, truth
             )
         print(f"written: {request.out}, {motion.duration:.1f} s")
 

@@ -27,7 +27,7 @@ from crane_model.cylinders import generalized_forces
 from crane_model.errors import RangeError
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.effects.form import Form, Planted
+from crane_sim.effects.form import Form, InjectedForm
 from crane_sim.make_bag import make
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
@@ -167,8 +167,8 @@ def test_a_hidden_law_shows_in_what_the_drives_give(
     drawn = [draw.highest * draw.of(simulated, joint) for draw in form.draws]
     start = simulated.start.copy()
     start[2] = machine.limits[joint].position_max - 0.2  # where ends are cushioned too
-    planted = Planted(form, joint, (size, *drawn))
-    seen = ridden(IndependentPlant(simulated, machine, MAKE, start, [planted]), 3.0)
+    effects = InjectedForm(form, joint, (size, *drawn))
+    seen = ridden(IndependentPlant(simulated, machine, MAKE, start, [effects]), 3.0)
     moving = np.abs(seen.v) > 0.02
     rest = np.where(moving, balance(simulated, machine, seen), 0.0)
     if form.effect == "presliding":  # beside the dry friction that it becomes
@@ -206,7 +206,7 @@ def test_a_law_without_a_branch_is_refused(simulated: SimulatedCrane, machine: M
         max(form.law for form in FRICTION_FORMS) + 1,
         max(form.law for form in FORCE_FORMS) + 1,
     ):
-        stray = Planted(FRICTION_FORMS[0]._replace(law=number), "telescope", (1.0, 0.1, 1.0))
+        stray = InjectedForm(FRICTION_FORMS[0]._replace(law=number), "telescope", (1.0, 0.1, 1.0))
         plant = IndependentPlant(simulated, machine, MAKE, simulated.start, [stray])
         with pytest.raises(ValueError, match="give it one"):
             plant.advance(np.zeros(4), 0.01)
@@ -272,7 +272,7 @@ def test_is_recorded_like_the_simulated_crane(
     assert all(len(found[topic.name].stamp) == len(clean.time) for topic in topics)
     position = states.fields["position"]
     reference = found[JOINT_REFERENCE.name].fields["position"]
-    assert rms(position - reference).max() < 0.06  # led by (36), as the stand-in is
+    assert rms(position - reference).max() < 0.06  # controlled by (36), as the simulated crane is
     counts = np.array(
         [simulated.sensors.encoder_resolution[joint_name] for joint_name in machine.joint_names]
     )

@@ -19,13 +19,13 @@ from crane_identification.preparation.periodicity import detect_periodicity
 from crane_model.errors import DataError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
 from crane_sim.parts.parameters import load_simulated_crane
 from crane_trajectory.motion.check import load_clearance
 
 TRAIN, VALIDATE = 6, 2
-LOAD = Planted(FORMS["payload"][0], None, (10.0, 0.1, 0.2))
+LOAD = InjectedForm(FORMS["payload"][0], None, (10.0, 0.1, 0.2))
 RESOLUTION = 0.02  # s
 
 

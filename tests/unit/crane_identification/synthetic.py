@@ -42,7 +42,7 @@ def crane_model() -> Model:
     inertial = [480.0, 370.0, 18.0, 450.0, 260.0, 20.0, 150.0, 220.0]
     friction = [800.0, 180.0, 9000.0, -1600.0, 520.0, -110.0, 3200.0, 620.0]
     theta = np.array([*inertial, *friction, 720.0, 120.0, 1500.0, 330.0])
-    return model.with_estimate(theta, np.zeros(20), "planted")
+    return model.with_estimate(theta, np.zeros(20), "true values")
 
 
 def motion(
@@ -118,7 +118,7 @@ def axis_log(
     record = Record(
         model.joints, time, q, v * rate, a * rate**2 + v * change, direction_known=direction
     )
-    force = model.with_estimate(theta, np.zeros(4), "planted").predict(record)
+    force = model.with_estimate(theta, np.zeros(4), "true values").predict(record)
     return Log(
         source=f"axis {seed}",
         joints=model.joints,

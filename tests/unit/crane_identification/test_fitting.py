@@ -37,7 +37,7 @@ def fitted_crane() -> FitResult:
     return fit(crane_model(), [crane_log(seed=1), crane_log(seed=2)])
 
 
-def test_planted_crane_is_found(fitted_crane: FitResult) -> None:
+def test_simulated_crane_is_found(fitted_crane: FitResult) -> None:
     """All 20 parameters, from pressures and rounded encoders, within three standard deviations."""
     estimate, truth = fitted_crane.estimate, crane_model().theta
     deviation = np.abs(estimate.values - truth) / estimate.std_devs
@@ -48,7 +48,7 @@ def test_planted_crane_is_found(fitted_crane: FitResult) -> None:
     assert "crane 1, crane 2" in fitted_crane.model.provenance
 
 
-def test_planted_crane_is_validated_down_to_the_noise(fitted_crane: FitResult) -> None:
+def test_simulated_crane_is_validated_down_to_the_noise(fitted_crane: FitResult) -> None:
     (validation,) = validate(fitted_crane.model, [crane_log(seed=3)])
     assert (validation.relative_error < 0.01).all()
     assert (validation.relative_error_without_gravity >= validation.relative_error).all()
@@ -69,7 +69,7 @@ def test_reversals_that_are_not_masked_bias_the_fit(axis: Model) -> None:
 
 
 @pytest.mark.parametrize("options", [Options(), Options(average=False), Options(decimation=1)])
-def test_planted_axis_is_found(axis: Model, options: Options) -> None:
+def test_simulated_axis_is_found(axis: Model, options: Options) -> None:
     """Averaged or not, filtered or not."""
     estimate = fit(axis, [axis_log(1, axis), axis_log(2, axis)], options).estimate
     assert (np.abs(estimate.values - AXIS_THETA) < 3.5 * estimate.std_devs).all()

@@ -23,7 +23,7 @@ TRUE = np.array([MASS, FRICTION])
 def model(theta: np.ndarray) -> Model:
     terms = (single_axis.Inertia(joint="axis"), friction.Coulomb(joint="axis"))
     made = Model("axis", Setting({"axis": "m"}, None), terms)
-    return made.with_estimate(theta, 0.0 * theta, "planted")
+    return made.with_estimate(theta, 0.0 * theta, "true values")
 
 
 def derivative(values: np.ndarray) -> np.ndarray:

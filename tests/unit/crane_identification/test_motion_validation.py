@@ -69,7 +69,7 @@ def test_each_run_is_moved_with_its_own_load() -> None:
     load = Payload(loads=(Load(runs=(7,)),))
     bare = crane_model()
     theta = np.append(bare.theta, 40.0)
-    model = bare.with_term(load).with_estimate(theta, 0.0 * theta, "planted")
+    model = bare.with_term(load).with_estimate(theta, 0.0 * theta, "true values")
     q = np.tile([0.4, -1.2, 0.5], (201, 1))
     still = Record(bare.joints, PERIOD * np.arange(201), q, 0.0 * q, 0.0 * q, run=np.full(201, 7))
     loaded = replace(still, force=model.predict(still))

@@ -51,16 +51,16 @@ def test_reference_values_of_parameters_that_there_are_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """They would be shown nowhere."""
-    file = tmp_path / "planted.json"
+    file = tmp_path / "true_values.json"
     file.write_text('{"J_FL": 480.0, "f_c.inner": 300.0}')
     assert identify.main(words(tmp_path / "fit", "--reference-values", str(file))) == 1
     told = capsys.readouterr().err
-    assert "planted.json: f_c.inner: no parameter of model" in told
+    assert "true_values.json: f_c.inner: no parameter of model" in told
     assert "it has J_FL, S_FL_along, " in told and "f_c.inner_boom" in told
     file.write_text('{"J_FL": 480.0, "lag.inner": 0.01}')
     assert identify.main(words(tmp_path / "fit", "--reference-values", str(file))) == 1
     told = capsys.readouterr().err
-    assert "planted.json: lag.inner: no parameter of model" in told
+    assert "true_values.json: lag.inner: no parameter of model" in told
     assert "and the hydraulics of each joint, as lag.JOINT" in told
     file.write_text('{"J_FL": 480.0, "lag.inner_boom": 0.01}')
     identify.main(words(tmp_path / "fit", "--reference-values", str(file)))

@@ -1,4 +1,4 @@
-"""The flow balance: parameters planted in a cylinder that is integrated here, and their recovery.
+"""The flow balance: true parameters of a cylinder that is integrated here, and their recovery.
 
 The cylinder is simulated from the balance of each chamber with code of its own.
 """
@@ -126,7 +126,7 @@ def fit(terms: tuple, record: Record, machine: Machine) -> tuple[np.ndarray, flo
     return values, float(np.linalg.norm(flow - columns @ values) / np.linalg.norm(flow))
 
 
-def test_planted_parameters_come_back_from_the_balance(driven: Record, machine: Machine) -> None:
+def test_true_parameters_come_back_from_the_balance(driven: Record, machine: Machine) -> None:
     """Each edge with its own gain."""
     values, left = fit(terms(*BANDS), driven, machine)
     assert left < 1e-3

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.machine import Machine
-from crane_sim.effects.form import Injected, Planted, packed
+from crane_sim.effects.form import Injected, InjectedForm, packed
 from crane_sim.effects.kernel import FORMS, act, settle
 from crane_sim.parts.constants import Constants, Scratch, State, at_rest, pack, room
 from crane_sim.parts.cylinders import set_lengths_and_levers
@@ -15,12 +15,14 @@ from crane_sim.parts.rigid_bodies import mass_and_bias
 STEP = 2e-4  # s
 
 
-def planted(effect: str, joint: str | None, *values: float, form: str | None = None) -> Planted:
+def effect_of(
+    effect: str, joint: str | None, *values: float, form: str | None = None
+) -> InjectedForm:
     """An effect with all its parameters."""
     forms = FORMS[effect]
     law = next((entry for entry in forms if entry.name == form), forms[0])
     assert len(values) == 1 + len(law.draws)
-    return Planted(law, joint, values)
+    return InjectedForm(law, joint, values)
 
 
 class Rig(NamedTuple):
@@ -51,7 +53,7 @@ class Rig(NamedTuple):
         return self.injected.force.copy()
 
 
-def rig(simulated: SimulatedCrane, machine: Machine, *effects: Planted) -> Rig:
+def rig(simulated: SimulatedCrane, machine: Machine, *effects: InjectedForm) -> Rig:
     """At rest in its rest pose."""
     constants = pack(simulated, machine)
     state = at_rest(simulated.start, 17e6)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from unit.crane_sim.injected_machine import STEP, Rig, planted, rig
+from unit.crane_sim.injected_machine import STEP, Rig, effect_of, rig
 
 from crane_model.machine import Machine, load_machine
 from crane_sim.effects.loads import BENDING_MODES
@@ -40,7 +40,7 @@ def test_the_forces_on_all_joints_do_the_work_that_bending_stores(
 ) -> None:
     """Without damping: energy of the bent shares and of their springs, less that of them unbent."""
     share, frequency = 0.4, 1.5
-    bent = rig(simulated, machine, planted("boom_flexibility", joint, share, frequency, 0.0))
+    bent = rig(simulated, machine, effect_of("boom_flexibility", joint, share, frequency, 0.0))
     chain, i = bent.constants.chain, JOINTS.index(joint)
     times = STEP * np.arange(round(1.0 / STEP))
     omega, reach = np.array([0.0, 5.0, 7.0, 6.0]), np.array([0.0, 0.1, 0.15, 0.1])
@@ -76,7 +76,7 @@ def test_a_crane_at_rest_sags_and_does_not_ring(
     machine: Machine, simulated: SimulatedCrane
 ) -> None:
     """It begins where the springs hold it, and its weight is where it is then."""
-    injected = rig(simulated, machine, planted("boom_flexibility", "inner_boom", 0.3, 2.0, 0.05))
+    injected = rig(simulated, machine, effect_of("boom_flexibility", "inner_boom", 0.3, 2.0, 0.05))
     still = np.zeros((500, 4))
     forces, memory = led(injected, POSE + still, still)
     np.testing.assert_allclose(memory - memory[0], 0.0, atol=1e-9)
@@ -91,7 +91,7 @@ def test_bending_answers_as_two_oscillators(machine: Machine, simulated: Simulat
     """
     share, frequency, damping, forced = 0.3, 2.0, 0.1, 1.2
     injected = rig(
-        simulated, machine, planted("boom_flexibility", "telescope", share, frequency, damping)
+        simulated, machine, effect_of("boom_flexibility", "telescope", share, frequency, damping)
     )
     omega, size = 2 * np.pi * forced, 0.1
     times = STEP * np.arange(round(8.0 / STEP))

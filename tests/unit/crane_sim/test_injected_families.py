@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from unit.crane_sim.injected_machine import STEP, planted, rig
+from unit.crane_sim.injected_machine import STEP, effect_of, rig
 from unit.crane_sim.test_injected_friction import JOINT, SPEEDS, Q, added_friction, place
 from unit.crane_sim.test_injected_loads import MOTIONS, asked, lagrange, slope
 from unit.crane_sim.test_injected_memory import led, line
@@ -12,7 +12,7 @@ from crane_model.cylinders import cylinder_length, lever_arm
 from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.machine import Machine
 from crane_model.terms.gravity_and_load import tip_mass
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.parts.parameters import SimulatedCrane
 
 COLUMN = 2
@@ -23,26 +23,28 @@ LIMITS = (-2.7, -0.1)  # rad, of the outer boom
 def test_friction_over_the_speed(machine: Machine, simulated: SimulatedCrane, v: float) -> None:
     """Hill's curve; what a neighbour brings that moves at 0.05 rad/s."""
     for effect, wanted in (
-        (planted("stribeck", JOINT, 90.0, 0.02, 3.0, form="hill"), 90 / (1 + abs(v / 0.02) ** 3)),
-        (planted("coupled_friction", JOINT, 90.0, 0.1, form="neighbour_square"), 90 / 4),
-        (planted("coupled_friction", JOINT, 90.0, 0.05, form="neighbour_slow"), 90 / 2),
+        (effect_of("stribeck", JOINT, 90.0, 0.02, 3.0, form="hill"), 90 / (1 + abs(v / 0.02) ** 3)),
+        (effect_of("coupled_friction", JOINT, 90.0, 0.1, form="neighbour_square"), 90 / 4),
+        (effect_of("coupled_friction", JOINT, 90.0, 0.05, form="neighbour_slow"), 90 / 2),
     ):
         assert added_friction(rig(simulated, machine, effect), v) == pytest.approx(wanted)
 
 
 def test_friction_over_load_and_pressure(machine: Machine, simulated: SimulatedCrane) -> None:
     """A power of the load; seals without the lever arm, and of the rod alone."""
-    power = rig(simulated, machine, planted("load_friction", JOINT, 0.05, 800.0, 1.2, form="power"))
+    power = rig(
+        simulated, machine, effect_of("load_friction", JOINT, 0.05, 800.0, 1.2, form="power")
+    )
     assert added_friction(power, 0.1) == pytest.approx(0.05 * 800 * (2500 / 800) ** 1.2)
 
     cylinder, middle = machine.cylinders[JOINT], np.array([sum(LIMITS) / 2])
     levers = [abs(lever_arm(machine, JOINT, at)[0]) for at in (middle, Q[COLUMN : COLUMN + 1])]
     assert abs(levers[0] / levers[1] - 1) > 0.01  # or the test would not tell them apart
     pressed_a, pressed_b = cylinder.area_a * 5e6, cylinder.area_b * 4e6  # as the rig has them
-    free = rig(simulated, machine, planted("seal_friction", JOINT, 0.05, 0.7, form="no_lever"))
+    free = rig(simulated, machine, effect_of("seal_friction", JOINT, 0.05, 0.7, form="no_lever"))
     wanted = 0.05 * levers[0] * (pressed_a + 0.7 * pressed_b)
     assert added_friction(free, 0.1) == pytest.approx(wanted)
-    rod = rig(simulated, machine, planted("seal_friction", JOINT, 0.05, 0.2, form="rod_seal"))
+    rod = rig(simulated, machine, effect_of("seal_friction", JOINT, 0.05, 0.2, form="rod_seal"))
     wanted = 0.05 * levers[1] * (0.2 * pressed_a + pressed_b)
     assert added_friction(rod, 0.1) == pytest.approx(wanted)
 
@@ -52,11 +54,11 @@ def test_friction_over_the_place(machine: Machine, simulated: SimulatedCrane) ->
     u, phase = place(machine), 12.0 * Q[COLUMN] + 0.4
     for effect, wanted in (
         (
-            planted("position_friction", JOINT, 80.0, 0.3, 1.5, form="tilted_way"),
+            effect_of("position_friction", JOINT, 80.0, 0.3, 1.5, form="tilted_way"),
             80.0 * np.sign(u - 0.3) * abs(u - 0.3) ** 1.5,
         ),
         (
-            planted("cyclic_friction", JOINT, 80.0, 12.0, 0.4, 0.3, form="harmonics"),
+            effect_of("cyclic_friction", JOINT, 80.0, 12.0, 0.4, 0.3, form="harmonics"),
             80.0 * (np.sin(phase) + 0.3 * np.sin(2 * phase + 0.4)),
         ),
     ):
@@ -76,7 +78,7 @@ def test_what_sticks_grows_with_the_rest_and_wears_off(
     machine: Machine, simulated: SimulatedCrane, form: str, grown, left, rest: float
 ) -> None:
     """Also where bristles let a joint creep while it stands."""
-    effect = planted("stiction", JOINT, 100.0, 0.5, 4e-3, form=form)
+    effect = effect_of("stiction", JOINT, 100.0, 0.5, 4e-3, form=form)
     injected = rig(simulated, machine, effect)
     for _ in range(round(rest / STEP)):
         added_friction(injected, 1e-7)
@@ -88,7 +90,7 @@ def test_what_sticks_grows_with_the_rest_and_wears_off(
 
 
 def resisted(
-    machine: Machine, simulated: SimulatedCrane, effect: Planted, q: float, v: float
+    machine: Machine, simulated: SimulatedCrane, effect: InjectedForm, q: float, v: float
 ) -> float:
     """Force of a push at a place and a speed of its joint, 3 s after the start."""
     injected = rig(simulated, machine, effect)
@@ -103,30 +105,35 @@ def resisted(
 @pytest.mark.parametrize(
     ("effect", "q", "v", "wanted"),
     [
-        (planted("viscous_quadratic", JOINT, 50, 0.04, 1.5, form="threshold"), -1, -0.1,
+        (effect_of("viscous_quadratic", JOINT, 50, 0.04, 1.5, form="threshold"), -1, -0.1,
          -50 * 0.06**1.5),
-        (planted("viscous_quadratic", JOINT, 50, 0.04, 1.5, form="threshold"), -1, 0.03, 0.0),
-        (planted("warm_up", JOINT, 50, 20, 1.5, form="hyperbolic"), -1, 0.1, 5 / 1.15**1.5),
-        (planted("warm_up", JOINT, 50, 20, 0.4, form="quick_and_slow"), -1, 0.1,
+        (effect_of("viscous_quadratic", JOINT, 50, 0.04, 1.5, form="threshold"), -1, 0.03, 0.0),
+        (effect_of("warm_up", JOINT, 50, 20, 1.5, form="hyperbolic"), -1, 0.1, 5 / 1.15**1.5),
+        (effect_of("warm_up", JOINT, 50, 20, 0.4, form="quick_and_slow"), -1, 0.1,
          5 * (0.4 * np.exp(-0.15) + 0.6 * np.exp(-0.03))),
-        (planted("hose_stiffness", JOINT, 50, 0.2, 2.0, form="progressive"), -0.75, 0.0,
+        (effect_of("hose_stiffness", JOINT, 50, 0.2, 2.0, form="progressive"), -0.75, 0.0,
          50 * np.sinh(2 * (0.65 / 1.3 - 0.2)) / np.sinh(2)),
-        (planted("end_cushioning", JOINT, 50, 0.2, 0.05, 1.0, form="early"), -0.25, 0.1,
+        (effect_of("end_cushioning", JOINT, 50, 0.2, 0.05, 1.0, form="early"), -0.25, 0.1,
          5 * (1 - 0.1 / 0.2)),
-        (planted("end_cushioning", JOINT, 50, 0.2, 0.05, 1.0, form="early"), -0.12, 0.1, 5.0),
-        (planted("end_cushioning", JOINT, 50, 0.2, 0.1, 1.0, form="orifice"), -0.2, 0.1, 2.5),
-        (planted("end_cushioning", JOINT, 50, 0.2, 0.1, -1.0, form="orifice"), -0.2, 0.1, 0.0),
-        (planted("cubic_spring", JOINT, 50, 0.5, form="snap"), -0.75, 0.0, 50 * (np.tanh(4) - 1)),
-        (planted("cubic_spring", JOINT, 50, 0.5, form="toggle"), -1.075, 0.0, 50.0),
-        (planted("detent", JOINT, 50, 30, 0.1, 1.0, form="wells"), -1.0, 0.0,
+        (effect_of("end_cushioning", JOINT, 50, 0.2, 0.05, 1.0, form="early"), -0.12, 0.1, 5.0),
+        (effect_of("end_cushioning", JOINT, 50, 0.2, 0.1, 1.0, form="orifice"), -0.2, 0.1, 2.5),
+        (effect_of("end_cushioning", JOINT, 50, 0.2, 0.1, -1.0, form="orifice"), -0.2, 0.1, 0.0),
+        (effect_of("cubic_spring", JOINT, 50, 0.5, form="snap"), -0.75, 0.0, 50 * (np.tanh(4) - 1)),
+        (effect_of("cubic_spring", JOINT, 50, 0.5, form="toggle"), -1.075, 0.0, 50.0),
+        (effect_of("detent", JOINT, 50, 30, 0.1, 1.0, form="wells"), -1.0, 0.0,
          50 * np.sin(-29.9) * np.exp(np.cos(-29.9) - 1)),
-        (planted("detent", JOINT, 50, 30, 0.1, form="zigzag"), -1.0, 0.0,
+        (effect_of("detent", JOINT, 50, 30, 0.1, form="zigzag"), -1.0, 0.0,
          100 / np.pi * np.arcsin(np.sin(-29.9))),
     ],
-    ids=lambda one: one.form.name if isinstance(one, Planted) else "",
+    ids=lambda one: one.form.name if isinstance(one, InjectedForm) else "",
 )  # fmt: skip
 def test_pushes_by_their_formulas(
-    machine: Machine, simulated: SimulatedCrane, effect: Planted, q: float, v: float, wanted: float
+    machine: Machine,
+    simulated: SimulatedCrane,
+    effect: InjectedForm,
+    q: float,
+    v: float,
+    wanted: float,
 ) -> None:
     """The range of the outer boom is 2.6 rad about -1.4."""
     got = resisted(machine, simulated, effect, q, v)
@@ -142,7 +149,7 @@ def test_presliding_builds_up_to_the_friction_that_it_replaces(
     effect, values = ("presliding", (1.0,)) if form == "dahl" else ("maxwell_slip", ())
     values = (0.5,) if form == "graded" else values
     injected = rig(
-        simulated, machine, planted(effect, "telescope", travel, share, *values, form=form)
+        simulated, machine, effect_of(effect, "telescope", travel, share, *values, form=form)
     )
     law = simulated.friction["telescope"]
     resistance, noted = led(injected, line(0.5, 0.55))
@@ -160,7 +167,7 @@ def test_a_hose_lets_go_while_it_stays_bent(
     machine: Machine, simulated: SimulatedCrane, form: str
 ) -> None:
     values = (100.0, 0.2, 1.0, *((1.0,) if form == "slackening" else ()))
-    injected = rig(simulated, machine, planted("relaxing_hose", "telescope", *values, form=form))
+    injected = rig(simulated, machine, effect_of("relaxing_hose", "telescope", *values, form=form))
     bent = np.concatenate([line(0.5, 0.6, speed=5.0), np.full(round(1.0 / STEP), 0.6)])
     resistance, noted = led(injected, bent)
     np.testing.assert_allclose(resistance, noted, atol=1e-9)
@@ -179,7 +186,7 @@ def test_a_slung_load_is_a_point_at_the_tip(
     machine: Machine, simulated: SimulatedCrane, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> None:
     held = v * [0, 1, 1, 1]
-    got = asked(rig(simulated, machine, planted("payload", None, 12.0, form="slung")), q, held, a)
+    got = asked(rig(simulated, machine, effect_of("payload", None, 12.0, form="slung")), q, held, a)
     columns = lagrangian_regressor(
         Geometry.of(machine), q[np.newaxis, 1:], v[np.newaxis, 1:], a[np.newaxis, 1:]
     )
@@ -210,7 +217,7 @@ def test_hoses_by_lagrange(
 
     wanted = lagrange(kinetic, q, v, a) + slope(potential, q)
     got = asked(
-        rig(simulated, machine, planted("hose_mass", None, density, shape, form=form)), q, v, a
+        rig(simulated, machine, effect_of("hose_mass", None, density, shape, form=form)), q, v, a
     )
     np.testing.assert_allclose(got, wanted, rtol=1e-3, atol=1e-3 * np.abs(wanted).max())
 
@@ -226,6 +233,6 @@ def test_a_column_of_oil_by_lagrange(
         rate = np.diff(cylinder_length(machine, JOINT, ends))[0] / 2e-4
         return 0.5 * mass * (1 + gradient * (q[COLUMN] + 1.4) / 1.3) * rate**2
 
-    effect = planted("actuator_inertia", JOINT, mass, gradient, form="oil_column")
+    effect = effect_of("actuator_inertia", JOINT, mass, gradient, form="oil_column")
     got = asked(rig(simulated, machine, effect), q, v, a)
     assert got[COLUMN] == pytest.approx(lagrange(kinetic, q, v, a)[COLUMN], rel=1e-3, abs=1e-3)

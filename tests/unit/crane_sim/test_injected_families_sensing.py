@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from unit.crane_sim.injected_machine import planted, rig
+from unit.crane_sim.injected_machine import effect_of, rig
 from unit.crane_sim.test_injected_sensing import TIME, A, B, fault, shown, spool
 
 from crane_model.machine import Machine
@@ -17,7 +17,7 @@ JOINT, COLUMN = "outer_boom", 2
 @pytest.mark.parametrize("share", [0.3, 1.0])
 def test_averages_are_late_by_the_delay(share: float) -> None:
     """A ramp is shown as it was then, whatever share of it is the window."""
-    seen = fault(planted("time_skew", JOINT, 0.02, share, form="averaged"))
+    seen = fault(effect_of("time_skew", JOINT, 0.02, share, form="averaged"))
     ramp = np.tile(5e6 + 1e6 * TIME[:, None], 4)
     late = seen.pressures(TIME, ramp, ramp)[0][:, COLUMN]
     np.testing.assert_allclose(late[50:], 5e6 + 1e6 * (TIME[50:] - 0.02), atol=200.0)
@@ -37,11 +37,11 @@ def test_transducers_by_their_formulas() -> None:
         ("transducer_bow", "knee", (1e5, 5e6, 2e7), a - 1e5 * np.maximum(a - 5e6, 0) / 1.5e7, b),
         ("pressure_ripple", "two_pumps", (4e4, 3.0, 2.0), a + both, b - 0.3 * both),
     ):
-        got_a, got_b = shown(planted(effect, JOINT, *values, form=form))
+        got_a, got_b = shown(effect_of(effect, JOINT, *values, form=form))
         np.testing.assert_allclose(got_a, wanted_a, err_msg=form)
         np.testing.assert_allclose(got_b, wanted_b, err_msg=form)
     ramp = np.tile(np.linspace(0.0, 2e7, len(TIME))[:, np.newaxis], 4)
-    cubic = fault(planted("transducer_bow", JOINT, 1e5, 2e7, form="cubic"))
+    cubic = fault(effect_of("transducer_bow", JOINT, 1e5, 2e7, form="cubic"))
     bent = (cubic.pressures(TIME, ramp, ramp)[0] - ramp)[:, COLUMN]
     assert (bent.max(), bent.min()) == pytest.approx((1e5, -1e5), rel=0.01)  # both ways
     assert bent[[0, -1]] == pytest.approx(0.0, abs=1e-6)
@@ -59,7 +59,7 @@ def test_encoders_by_their_formulas() -> None:
         ("encoder_eccentricity", "graduation", (0.01, 8.0, 0.5),
          0.01 * np.arctan2(np.sin(phase), 1.5 + np.cos(phase))),
     ):  # fmt: skip
-        got = fault(planted(effect, JOINT, *values, form=form)).positions(q) - q
+        got = fault(effect_of(effect, JOINT, *values, form=form)).positions(q) - q
         np.testing.assert_allclose(got, wanted[:, None] * (np.arange(4) == COLUMN), atol=1e-12)
 
 
@@ -88,9 +88,9 @@ def test_valves_leaks_and_walls(machine: Machine, simulated: SimulatedCrane) -> 
         ("valve_asymmetry", "by_and_by", (0.2, 0.01), x * (1 + 0.2 * x / (x + 0.01))),
         ("valve_hysteresis", "two_plays", (0.06, 0.5), opening(0.5 - 0.03 * 0.75, zone)),
     ):
-        got = spool(rig(simulated, machine, planted(effect, JOINT, *values, form=form)), 0.5)
+        got = spool(rig(simulated, machine, effect_of(effect, JOINT, *values, form=form)), 0.5)
         assert got == pytest.approx(wanted), form
-    creeping = planted("valve_hysteresis", JOINT, 0.06, 1e-3, form="creeping_play")
+    creeping = effect_of("valve_hysteresis", JOINT, 0.06, 1e-3, form="creeping_play")
     play = rig(simulated, machine, creeping)
     opened = [spool(play, 0.5) for _ in range(5000)]
     assert opened[0] == pytest.approx(opening(0.47, zone), abs=1e-3)
@@ -102,11 +102,11 @@ def test_valves_leaks_and_walls(machine: Machine, simulated: SimulatedCrane) -> 
         ("worn", 2.0, 1e-11 * (1 + 2 * np.exp(-4 * ((-1.5 + 1.4) / 1.3) ** 2))),
     ):
         injected = rig(
-            simulated, machine, planted("internal_leakage", JOINT, 1e-11, shape, form=form)
+            simulated, machine, effect_of("internal_leakage", JOINT, 1e-11, shape, form=form)
         )
         got = leak(injected.injected, injected.constants, injected.state, COLUMN)
         assert got - own == pytest.approx(wanted), form
     for form, wanted in (("braid", np.exp(-0.15)), ("long_hose", 1 / np.sqrt(1.15))):
-        wall = rig(simulated, machine, planted("oil_compressibility", JOINT, 0.8, 2e7, form=form))
+        wall = rig(simulated, machine, effect_of("oil_compressibility", JOINT, 0.8, 2e7, form=form))
         got = softness(wall.injected, wall.constants, COLUMN, 3e6)
         assert got == pytest.approx(1 + 0.8 * wanted), form

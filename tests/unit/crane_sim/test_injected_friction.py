@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from unit.crane_sim.injected_machine import Rig, planted, rig
+from unit.crane_sim.injected_machine import Rig, effect_of, rig
 
 from crane_model.cylinders import lever_arm
 from crane_model.machine import Machine, load_machine
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.parts.parameters import SimulatedCrane
 
 JOINTS = load_machine().joint_names
@@ -43,23 +43,23 @@ def place(machine: Machine) -> float:
 def test_friction_over_the_speed(machine: Machine, simulated: SimulatedCrane, v: float) -> None:
     """Stribeck's excess in two siblings; what the neighbour's speed brings."""
     for effect, wanted in (
-        (planted("stribeck", JOINT, 90.0, 0.02), 90.0 / (1.0 + (v / 0.02) ** 2)),
-        (planted("stribeck", JOINT, 90.0, 0.02, form="sech"), 90.0 / np.cosh(v / 0.02)),
-        (planted("coupled_friction", JOINT, 90.0, 0.1), 90.0 * 0.05 / 0.1),
+        (effect_of("stribeck", JOINT, 90.0, 0.02), 90.0 / (1.0 + (v / 0.02) ** 2)),
+        (effect_of("stribeck", JOINT, 90.0, 0.02, form="sech"), 90.0 / np.cosh(v / 0.02)),
+        (effect_of("coupled_friction", JOINT, 90.0, 0.1), 90.0 * 0.05 / 0.1),
     ):
         assert added_friction(rig(simulated, machine, effect), v) == pytest.approx(wanted)
 
 
 def test_friction_over_load_and_pressure(machine: Machine, simulated: SimulatedCrane) -> None:
     """Hypotenuse of load and corner; what gravity asks; powers of the pressures."""
-    smooth = rig(simulated, machine, planted("load_friction", JOINT, 0.05, 200.0))
+    smooth = rig(simulated, machine, effect_of("load_friction", JOINT, 0.05, 200.0))
     assert added_friction(smooth, 0.1) == pytest.approx(0.05 * np.hypot(2500.0, 200.0))
 
-    weight = rig(simulated, machine, planted("load_friction", JOINT, 0.05, form="weight"))
+    weight = rig(simulated, machine, effect_of("load_friction", JOINT, 0.05, form="weight"))
     got = added_friction(weight, 0.1)
     assert got == pytest.approx(0.05 * abs(weight.scratch.bias[COLUMN]))
 
-    seal = rig(simulated, machine, planted("seal_friction", JOINT, 0.05, 0.8))
+    seal = rig(simulated, machine, effect_of("seal_friction", JOINT, 0.05, 0.8))
     p_a, p_b = (seal.state.actuators[name][COLUMN] for name in ("p_a", "p_b"))
     cylinder = machine.cylinders["outer_boom"]
     pressed = sum(
@@ -75,14 +75,14 @@ def test_friction_over_the_position(machine: Machine, simulated: SimulatedCrane)
     u = place(machine)
     triangle = 2 / np.pi * np.arcsin(np.sin(12.0 * Q[COLUMN] + 0.4))
     for effect, wanted in (
-        (planted("position_friction", JOINT, 80.0, 0.1, 0.3), 80.0 * np.tanh((u - 0.1) / 0.3)),
+        (effect_of("position_friction", JOINT, 80.0, 0.1, 0.3), 80.0 * np.tanh((u - 0.1) / 0.3)),
         (
-            planted("position_friction", JOINT, 80.0, 0.1, 0.3, form="worn_zone"),
+            effect_of("position_friction", JOINT, 80.0, 0.1, 0.3, form="worn_zone"),
             80.0 * np.exp(-(((u - 0.1) / 0.3) ** 2)),
         ),
-        (planted("cyclic_friction", JOINT, 80.0, 12.0, 0.4), 80.0 * triangle),
+        (effect_of("cyclic_friction", JOINT, 80.0, 12.0, 0.4), 80.0 * triangle),
         (
-            planted("cyclic_friction", JOINT, 80.0, 12.0, 0.4, form="rectified"),
+            effect_of("cyclic_friction", JOINT, 80.0, 12.0, 0.4, form="rectified"),
             80.0 * (abs(np.sin(6.0 * Q[COLUMN] + 0.4)) - 2 / np.pi),
         ),
     ):
@@ -91,7 +91,7 @@ def test_friction_over_the_position(machine: Machine, simulated: SimulatedCrane)
 
 def test_pads_carry_a_beam_on_two_supports(machine: Machine, simulated: SimulatedCrane) -> None:
     """Forces on the pads from the balance of forces and moments, solved as equations."""
-    injected = rig(simulated, machine, planted("pad_friction", "telescope", 0.1))
+    injected = rig(simulated, machine, effect_of("pad_friction", "telescope", 0.1))
     injected.put(Q, np.array([0.0, 0.0, 0.0, 0.1]))
     injected.act()
     across = machine.gravity * np.cos(Q[1] + Q[2])
@@ -109,7 +109,7 @@ def test_breakaway_grows_at_rest_and_is_gone_after_some_travel(
     machine: Machine, simulated: SimulatedCrane
 ) -> None:
     """1 - exp(-(t/growth)^0.6) at rest, then one over one plus the square of the way."""
-    injected = rig(simulated, machine, planted("stiction", JOINT, 300.0, 0.8, 5e-3))
+    injected = rig(simulated, machine, effect_of("stiction", JOINT, 300.0, 0.8, 5e-3))
     for _ in range(2000):  # 0.4 s
         at_rest = added_friction(injected, 0.0)
     assert at_rest == pytest.approx(300.0 * (1 - np.exp(-((0.4 / 0.8) ** 0.6))), rel=1e-3)
@@ -123,7 +123,7 @@ def test_breakaway_grows_at_rest_and_is_gone_after_some_travel(
 
 def test_wear_jumps_once(machine: Machine, simulated: SimulatedCrane) -> None:
     """Nothing before its time, all of it after."""
-    injected = rig(simulated, machine, planted("wear_jump", JOINT, 70.0, 2.0))
+    injected = rig(simulated, machine, effect_of("wear_jump", JOINT, 70.0, 2.0))
     assert added_friction(injected, 0.1) == 0.0
     injected.injected.clock[0] = 2.1
     assert added_friction(injected, 0.1) == pytest.approx(70.0)
@@ -131,7 +131,7 @@ def test_wear_jumps_once(machine: Machine, simulated: SimulatedCrane) -> None:
 
 def test_friction_never_turns_into_a_drive(machine: Machine, simulated: SimulatedCrane) -> None:
     """What is taken away leaves some of Coulomb friction (13)."""
-    strong = planted("position_friction", JOINT, 1e5, 0.9, 0.1)
+    strong = effect_of("position_friction", JOINT, 1e5, 0.9, 0.1)
     injected = rig(simulated, machine, strong)
     injected.put(Q, np.array([0.0, 0.0, 0.1, 0.0]))
     injected.act()
@@ -147,21 +147,21 @@ def test_pushes_on_one_joint(machine: Machine, simulated: SimulatedCrane, v: flo
     reach = half + 0.2  # the zone of the cushion reaches beyond the middle
     depth = max(0.0, 1.0 - (1.0 - abs(u)) * half / reach)
     warm = np.exp(1.2 * np.exp(-5.0 / 30.0)) - 1.0
-    cases: list[tuple[Planted, float]] = [
-        (planted("viscous_quadratic", JOINT, 500.0, 1.8), 500.0 * np.sign(v) * abs(v) ** 1.8),
+    cases: list[tuple[InjectedForm, float]] = [
+        (effect_of("viscous_quadratic", JOINT, 500.0, 1.8), 500.0 * np.sign(v) * abs(v) ** 1.8),
         (
-            planted("viscous_quadratic", JOINT, 500.0, 0.01, form="rounded"),
+            effect_of("viscous_quadratic", JOINT, 500.0, 0.01, form="rounded"),
             500.0 * v * np.hypot(v, 0.01),
         ),
-        (planted("warm_up", JOINT, 500.0, 30.0, 1.2), 500.0 * v * warm / (np.exp(1.2) - 1.0)),
-        (planted("hose_stiffness", JOINT, 60.0, 0.9), 60.0 * np.tanh(u / 0.9)),
+        (effect_of("warm_up", JOINT, 500.0, 30.0, 1.2), 500.0 * v * warm / (np.exp(1.2) - 1.0)),
+        (effect_of("hose_stiffness", JOINT, 60.0, 0.9), 60.0 * np.tanh(u / 0.9)),
         (
-            planted("hose_stiffness", JOINT, 60.0, -0.8, form="cord"),
+            effect_of("hose_stiffness", JOINT, 60.0, -0.8, form="cord"),
             30.0 * (u + 0.8 + np.sqrt((u + 0.8) ** 2 + 0.04)),
         ),
-        (planted("end_cushioning", JOINT, 60.0, reach), 60.0 * v * depth**1.5),
-        (planted("cubic_spring", JOINT, 60.0, 0.5), 60.0 * ((u / 0.5) ** 3 - u / 0.5)),
-        (planted("detent", JOINT, 60.0, 30.0, 0.2), 60.0 * np.sin(30.0 * Q[COLUMN] + 0.2)),
+        (effect_of("end_cushioning", JOINT, 60.0, reach), 60.0 * v * depth**1.5),
+        (effect_of("cubic_spring", JOINT, 60.0, 0.5), 60.0 * ((u / 0.5) ** 3 - u / 0.5)),
+        (effect_of("detent", JOINT, 60.0, 30.0, 0.2), 60.0 * np.sin(30.0 * Q[COLUMN] + 0.2)),
     ]
     for effect, wanted in cases:
         injected = rig(simulated, machine, effect)

@@ -15,8 +15,8 @@ from crane_sim.effects.form import (
     PUSHES,
     SOFTNESS,
     Form,
+    InjectedForm,
     Magnitude,
-    Planted,
 )
 from crane_sim.effects.kernel import FORMS
 from crane_sim.parts.parameters import SimulatedCrane
@@ -30,7 +30,7 @@ def work(machine: Machine, simulated: SimulatedCrane, form: Form) -> None:
     joints = form.where.joints(machine)
     joint = "outer_boom" if "outer_boom" in joints else (*joints, None)[0]
     values = (form.magnitude.start, *(draw.lowest for draw in form.draws))
-    made = rig(simulated, machine, Planted(form, joint, values))
+    made = rig(simulated, machine, InjectedForm(form, joint, values))
     made.act()
     made.settle()
     for i in range(4):

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from unit.crane_sim.injected_machine import STEP, Rig, planted, rig
+from unit.crane_sim.injected_machine import STEP, Rig, effect_of, rig
 
 from crane_model.cylinders import cylinder_length
 from crane_model.dynamics import Geometry, lagrangian_regressor
@@ -62,12 +62,12 @@ def test_payload_is_a_body_at_the_tip(
 ) -> None:
     """A point mass at the tip as crane_model has it; farther out and with inertia it asks more."""
     held = v * [0, 1, 1, 1]
-    got = asked(rig(simulated, machine, planted("payload", None, 12.0, 0.0, 0.0)), q, held, a)
+    got = asked(rig(simulated, machine, effect_of("payload", None, 12.0, 0.0, 0.0)), q, held, a)
     columns = lagrangian_regressor(
         Geometry.of(machine), q[np.newaxis, 1:], v[np.newaxis, 1:], a[np.newaxis, 1:]
     )
     np.testing.assert_allclose(got[1:], 12.0 * (columns @ tip_mass(machine))[0], rtol=1e-9)
-    body = asked(rig(simulated, machine, planted("payload", None, 12.0, 0.0, 0.3)), q, held, a)
+    body = asked(rig(simulated, machine, effect_of("payload", None, 12.0, 0.0, 0.3)), q, held, a)
     turning = 12.0 * 0.3**2 * (a[1] + a[2])
     np.testing.assert_allclose(body - got, [0.0, turning, turning, 0.0], atol=1e-6)
 
@@ -101,7 +101,7 @@ def test_tilt_turns_gravity(machine: Machine, simulated: SimulatedCrane, q: np.n
         return total
 
     got = asked(
-        rig(simulated, machine, planted("base_tilt", None, angle)), q, np.zeros(4), np.zeros(4)
+        rig(simulated, machine, effect_of("base_tilt", None, angle)), q, np.zeros(4), np.zeros(4)
     )
     np.testing.assert_allclose(got[1:], slope(energy, q)[1:], rtol=1e-6)
 
@@ -122,7 +122,7 @@ def test_hose_by_lagrange(
         return density * q[3] * machine.gravity * height
 
     wanted = lagrange(kinetic, q, v, a) + slope(potential, q)
-    got = asked(rig(simulated, machine, planted("hose_mass", None, density)), q, v, a)
+    got = asked(rig(simulated, machine, effect_of("hose_mass", None, density)), q, v, a)
     np.testing.assert_allclose(got, wanted, rtol=1e-4, atol=1e-3)
 
 
@@ -144,7 +144,7 @@ def test_rod_by_lagrange(
         rate = np.diff(cylinder_length(machine, name, ends))[0] / 2e-4
         return 0.5 * mass * rate**2
 
-    got = asked(rig(simulated, machine, planted("actuator_inertia", name, mass)), q, v, a)
+    got = asked(rig(simulated, machine, effect_of("actuator_inertia", name, mass)), q, v, a)
     wanted = lagrange(kinetic, q, v, a)
     assert got[joint] == pytest.approx(wanted[joint], rel=1e-3, abs=1e-3)
     assert (np.delete(got, joint) == 0.0).all()
@@ -155,7 +155,7 @@ def test_wind_pushes_the_tip_sideways(
     machine: Machine, simulated: SimulatedCrane, q: np.ndarray
 ) -> None:
     """Its force does the work of a horizontal force at the tip, and is not always the same."""
-    injected = rig(simulated, machine, planted("wind", None, 50.0, 0.3))
+    injected = rig(simulated, machine, effect_of("wind", None, 50.0, 0.3))
     jacobian = tip_jacobian(machine, q)[0]
     outward = (np.cos(q[0]) * jacobian[0] + np.sin(q[0]) * jacobian[1])[1:]
     pushes = []
@@ -173,11 +173,11 @@ def test_slewing_is_noted_and_not_added(
     machine: Machine, simulated: SimulatedCrane, q: np.ndarray
 ) -> None:
     """-dT/dq of the inertia about the slew axis at constant slew speed."""
-    injected = rig(simulated, machine, planted("slew_coupling", None, 0.3, 0.6))
+    injected = rig(simulated, machine, effect_of("slew_coupling", None, 0.3, 0.6))
     v = np.array([0.3, 0.05, -0.1, 0.2])
 
     def kinetic(q: np.ndarray) -> float:
-        probe = rig(simulated, machine, planted("base_tilt", None, 0.0))
+        probe = rig(simulated, machine, effect_of("base_tilt", None, 0.0))
         probe.put(q, np.zeros(4))
         return 0.5 * probe.scratch.mass[0, 0] * v[0] ** 2
 
@@ -198,7 +198,7 @@ def test_slewing_begins_and_ends_at_rest(
         machine, trajectory, simulated.start, 1, load_clearance(machine_file("clearance.yaml"))
     )
     assert slewing(motion, ()) is motion
-    led = slewing(motion, (planted("slew_coupling", None, 0.3, 0.6),))
+    led = slewing(motion, (effect_of("slew_coupling", None, 0.3, 0.6),))
     assert isinstance(led, Slewing)
     time = np.linspace(-1.0, led.duration + 1.0, 20001)
     reference = led.reference(time)

@@ -5,18 +5,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from unit.crane_sim.injected_machine import STEP, Rig, planted, rig
+from unit.crane_sim.injected_machine import STEP, Rig, effect_of, rig
 
 from crane_model.machine import Machine
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.parts.parameters import SimulatedCrane
 
 JOINT, COLUMN = "telescope", 3
 TRAVEL, SHARE = 4e-3, 0.6
 PRESLIDING = [
-    planted("presliding", JOINT, TRAVEL, SHARE, 3e-3),
-    planted("presliding", JOINT, TRAVEL, SHARE, 2.0, form="bouc_wen"),
-    planted("maxwell_slip", JOINT, TRAVEL, SHARE),
+    effect_of("presliding", JOINT, TRAVEL, SHARE, 3e-3),
+    effect_of("presliding", JOINT, TRAVEL, SHARE, 2.0, form="bouc_wen"),
+    effect_of("maxwell_slip", JOINT, TRAVEL, SHARE),
 ]
 
 
@@ -44,7 +44,7 @@ def line(*corners: float, speed: float = 0.05) -> np.ndarray:
 
 @pytest.mark.parametrize("effect", PRESLIDING, ids=lambda effect: effect.form.name)
 def test_presliding_ends_in_the_coulomb_friction_that_it_replaces(
-    machine: Machine, simulated: SimulatedCrane, effect: Planted
+    machine: Machine, simulated: SimulatedCrane, effect: InjectedForm
 ) -> None:
     """What is taken from (13) comes back after a few travels, and nothing is noted then."""
     law = simulated.friction[JOINT]
@@ -62,7 +62,7 @@ def test_presliding_ends_in_the_coulomb_friction_that_it_replaces(
 
 @pytest.mark.parametrize("effect", PRESLIDING[1:], ids=lambda effect: effect.form.name)
 def test_presliding_does_not_depend_on_the_speed(
-    machine: Machine, simulated: SimulatedCrane, effect: Planted
+    machine: Machine, simulated: SimulatedCrane, effect: InjectedForm
 ) -> None:
     """The same loop at three times the speed."""
     slow, fast = (
@@ -111,7 +111,7 @@ def test_a_pin_has_no_further_to_go_back_than_it_came(
 
 def _play(machine: Machine, simulated: SimulatedCrane) -> Callable[[float, float], float]:
     """What the drive lacks under a load where the joint stands, 0.01 m of play having 80 N."""
-    injected = rig(simulated, machine, planted("backlash", JOINT, 80.0, 0.01, 5.0))
+    injected = rig(simulated, machine, effect_of("backlash", JOINT, 80.0, 0.01, 5.0))
     q = np.array([0.0, 0.3, -1.4, 0.5])
 
     def noted(load: float, place: float) -> float:
@@ -128,7 +128,7 @@ def test_a_load_swings_with_the_frequency_of_its_length(
 ) -> None:
     """Let go at 0.05 rad over a crane at rest: sqrt(g/l)/2 pi, and damped as it should be."""
     length, damping = 1.2, 0.02
-    injected = rig(simulated, machine, planted("swinging_load", None, 30.0, length, damping))
+    injected = rig(simulated, machine, effect_of("swinging_load", None, 30.0, length, damping))
     injected.injected.memory[0, 0] = 0.05
     angle = np.empty(round(6.0 / STEP))
     for n in range(len(angle)):

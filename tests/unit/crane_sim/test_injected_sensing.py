@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from unit.crane_sim.injected_machine import Rig, planted, rig
+from unit.crane_sim.injected_machine import Rig, effect_of, rig
 
 from crane_model.machine import Machine, load_machine
 from crane_sim.effects.flow import leak, meter, note_softness, softness
-from crane_sim.effects.form import Planted, SensorFault
+from crane_sim.effects.form import InjectedForm, SensorFault
 from crane_sim.effects.sensing import faults
 from crane_sim.parts.cylinders import opening
 from crane_sim.parts.parameters import SimulatedCrane
@@ -23,12 +23,12 @@ A, B = (
 )
 
 
-def fault(effect: Planted) -> SensorFault:
+def fault(effect: InjectedForm) -> SensorFault:
     (made,) = faults([effect], load_machine())
     return made
 
 
-def shown(effect: Planted) -> tuple[np.ndarray, np.ndarray]:
+def shown(effect: InjectedForm) -> tuple[np.ndarray, np.ndarray]:
     """What the transducers of the joint show; the others show what is."""
     seen = fault(effect).pressures(TIME, A, B)
     for got, true in zip(seen, (A, B), strict=True):
@@ -44,18 +44,18 @@ def test_zeros_gains_and_bent_characteristics() -> None:
     warming = 1.0 - 0.1 * (1.0 - np.exp(-TIME / 40.0))
     phase = 2 * np.pi * 3.0 * TIME
     beat = 4e4 * (1 + 0.3 * np.sin(0.9 * TIME))
-    cases: Sequence[tuple[Planted, np.ndarray, np.ndarray]] = (
-        (planted("pressure_offset", JOINT, 1e5, 0.1, 40.0), true_a + 1e5 * warming, true_b),
-        (planted("pressure_gain", JOINT, 0.03), 1.03 * true_a, 1.03 * true_b),
-        (planted("chamber_gain", JOINT, 0.03), true_a, 1.03 * true_b),
-        (planted("crosstalk", JOINT, 0.02), true_a + 0.02 * B[:, 3], true_b),
+    cases: Sequence[tuple[InjectedForm, np.ndarray, np.ndarray]] = (
+        (effect_of("pressure_offset", JOINT, 1e5, 0.1, 40.0), true_a + 1e5 * warming, true_b),
+        (effect_of("pressure_gain", JOINT, 0.03), 1.03 * true_a, 1.03 * true_b),
+        (effect_of("chamber_gain", JOINT, 0.03), true_a, 1.03 * true_b),
+        (effect_of("crosstalk", JOINT, 0.02), true_a + 0.02 * B[:, 3], true_b),
         (
-            planted("transducer_bow", JOINT, 1e5, 2e7),
+            effect_of("transducer_bow", JOINT, 1e5, 2e7),
             true_a + 4e5 * true_a / 2e7 * (1 - true_a / 2e7),
             true_b,
         ),
         (
-            planted("pressure_ripple", JOINT, 4e4, 3.0),
+            effect_of("pressure_ripple", JOINT, 4e4, 3.0),
             true_a + beat * np.sin(phase),
             true_b + 0.4 * beat * np.sin(phase - 1.0),
         ),
@@ -70,7 +70,7 @@ def test_zeros_gains_and_bent_characteristics() -> None:
 @pytest.mark.parametrize("form", ["delay", "lag"])
 def test_pressures_come_late(form: str) -> None:
     """A ramp is shown as it was a delay ago, by either form, once it has gone on for a while."""
-    seen = fault(planted("time_skew", JOINT, 0.02, form=form))
+    seen = fault(effect_of("time_skew", JOINT, 0.02, form=form))
     ramp = np.tile(5e6 + 1e6 * TIME[:, None], 4)
     late = seen.pressures(TIME, ramp, ramp)[0][:, COLUMN]
     np.testing.assert_allclose(late[50:], 5e6 + 1e6 * (TIME[50:] - 0.02), atol=200.0)
@@ -79,10 +79,10 @@ def test_pressures_come_late(form: str) -> None:
 def test_encoders() -> None:
     """Turned, and off its centre; one pose or many."""
     poses = np.random.default_rng(2).normal(size=(7, 4))
-    turned = fault(planted("encoder_offset", JOINT, 0.01))
+    turned = fault(effect_of("encoder_offset", JOINT, 0.01))
     np.testing.assert_allclose(turned.positions(poses) - poses, 0.01 * np.eye(4)[[COLUMN] * 7])
     np.testing.assert_allclose(turned.positions(poses[0]), turned.positions(poses)[0])
-    disk = fault(planted("encoder_eccentricity", JOINT, 0.01, 8.0, 0.5))
+    disk = fault(effect_of("encoder_eccentricity", JOINT, 0.01, 8.0, 0.5))
     error = (disk.positions(poses) - poses)[:, COLUMN]
     np.testing.assert_allclose(error, 0.01 * np.sin(8.0 * poses[:, COLUMN] + 0.5))
 
@@ -96,8 +96,8 @@ def spool(injected: Rig, position: float) -> float:
 def test_valves(machine: Machine, simulated: SimulatedCrane) -> None:
     """More overlap, two gains, edges that trail; what they change in the flow is noted."""
     zone = simulated.valves["outer_boom"].dead_band
-    overlap = rig(simulated, machine, planted("valve_dead_band", JOINT, 0.1, 0.004))
-    gains = rig(simulated, machine, planted("valve_asymmetry", JOINT, 0.2, 0.004))
+    overlap = rig(simulated, machine, effect_of("valve_dead_band", JOINT, 0.1, 0.004))
+    gains = rig(simulated, machine, effect_of("valve_asymmetry", JOINT, 0.2, 0.004))
     for position in (-0.8, -0.3, 0.3, 0.8):
         x = opening(position, zone)
         assert spool(overlap, position) == pytest.approx(x - 0.1 * np.sign(x), abs=2e-3)
@@ -110,7 +110,7 @@ def test_valves(machine: Machine, simulated: SimulatedCrane) -> None:
         assert gains.injected.flow[0, COLUMN] == pytest.approx(more, rel=2e-3)
     assert abs(spool(overlap, 0.1)) < 0.05 * opening(0.1, zone) + 2e-3
 
-    play = rig(simulated, machine, planted("valve_hysteresis", JOINT, 0.06))
+    play = rig(simulated, machine, effect_of("valve_hysteresis", JOINT, 0.06))
     assert spool(play, 0.5) == pytest.approx(opening(0.47, zone))
     assert spool(play, 0.46) == pytest.approx(opening(0.47, zone))
     assert spool(play, 0.3) == pytest.approx(opening(0.33, zone))
@@ -118,7 +118,7 @@ def test_valves(machine: Machine, simulated: SimulatedCrane) -> None:
 
 def test_leakage_and_softness(machine: Machine, simulated: SimulatedCrane) -> None:
     """An orifice past the piston; hose walls and air that give way with the pressure."""
-    injected = rig(simulated, machine, planted("internal_leakage", JOINT, 1e-9))
+    injected = rig(simulated, machine, effect_of("internal_leakage", JOINT, 1e-9))
     actuator = injected.state.actuators[COLUMN]
     drop = float(actuator["p_a"] - actuator["p_b"])
     conductance = leak(injected.injected, injected.constants, injected.state, COLUMN)
@@ -127,14 +127,14 @@ def test_leakage_and_softness(machine: Machine, simulated: SimulatedCrane) -> No
     assert injected.injected.flow[0, COLUMN] == pytest.approx(-flow)
 
     beta, pressure = simulated.oil.bulk_modulus, 3e6
-    wall = rig(simulated, machine, planted("oil_compressibility", JOINT, 0.8, 2e7))
+    wall = rig(simulated, machine, effect_of("oil_compressibility", JOINT, 0.8, 2e7))
     got = softness(wall.injected, wall.constants, COLUMN, pressure)
     assert got == pytest.approx(1 + 0.8 / (1 + pressure / 2e7))
     note_softness(wall.injected, wall.constants, COLUMN, pressure, 1e-3, 1e6)
     assert wall.injected.flow[0, COLUMN] == pytest.approx((got - 1) * 1e-3 / beta * 1e6)
 
     # a share of the volume that is gas: V = V_0 p_0/p, and beta_gas = -V dp/dV = p for it
-    air = rig(simulated, machine, planted("air_in_oil", JOINT, 0.02))
+    air = rig(simulated, machine, effect_of("air_in_oil", JOINT, 0.02))
     absolute = pressure + 1.013e5
     compliance = 1 / beta + 0.02 * 1.013e5 / absolute / absolute
     got = softness(air.injected, air.constants, COLUMN, pressure)

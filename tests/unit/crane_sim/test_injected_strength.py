@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from unit.crane_sim.injected_machine import planted
+from unit.crane_sim.injected_machine import effect_of
 
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.calibration import MAX_TRIES, UnmovedError, calibrate, draw, moved, reach
 from crane_sim.effects.forces import STANDSTILL_SPEED
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
 from crane_sim.effects.sensing import faults
 from crane_sim.ground_truth import (
@@ -101,11 +101,11 @@ def test_every_effect_of_the_catalogue_can_be_injected_and_some_outside(machine:
 def test_nothing_injected_changes_nothing(machine: Machine, simulated: SimulatedCrane) -> None:
     """Effects of no size leave the motion as it is, to the last bit."""
     nil = [
-        planted("hose_stiffness", "telescope", 0.0, 1.0),
-        planted("stribeck", "inner_boom", 0.0, 0.01),
-        planted("payload", None, 0.0, 0.1, 0.1),
-        planted("valve_asymmetry", "outer_boom", 0.0, 0.01),
-        planted("internal_leakage", "outer_boom", 0.0),
+        effect_of("hose_stiffness", "telescope", 0.0, 1.0),
+        effect_of("stribeck", "inner_boom", 0.0, 0.01),
+        effect_of("payload", None, 0.0, 0.1, 0.1),
+        effect_of("valve_asymmetry", "outer_boom", 0.0, 0.01),
+        effect_of("internal_leakage", "outer_boom", 0.0),
     ]
     plants = [Plant(simulated, machine, simulated.start, effects) for effects in ((), nil)]
     for plant in plants:
@@ -123,20 +123,20 @@ def test_forces_of_all_effects_close_the_balance(
 ) -> None:
     """Seen force = bodies (6) + friction (13) + the parts of the effects, many at once."""
     effects = (
-        planted("stribeck", "telescope", 100.0, 0.02),
-        planted("load_friction", "outer_boom", 0.03, 200.0),
-        planted("viscous_quadratic", "inner_boom", 5000.0, 1.8),
-        planted("detent", "outer_boom", 60.0, 20.0, 0.3),
-        planted("maxwell_slip", "inner_boom", 2e-3, 0.6),
-        planted("boom_flexibility", "inner_boom", 0.3, 1.5, 0.1),
-        planted("base_tilt", None, 0.02),
-        planted("payload", None, 10.0, 0.2, 0.2),
-        planted("hose_mass", None, 2.0),
-        planted("actuator_inertia", "inner_boom", 200.0),
-        planted("swinging_load", None, 8.0, 1.0, 0.02),
-        planted("wind", None, 20.0, 0.4),
-        planted("pressure_offset", "inner_boom", 1e5, 0.1, 40.0),
-        planted("encoder_offset", "outer_boom", 0.01),
+        effect_of("stribeck", "telescope", 100.0, 0.02),
+        effect_of("load_friction", "outer_boom", 0.03, 200.0),
+        effect_of("viscous_quadratic", "inner_boom", 5000.0, 1.8),
+        effect_of("detent", "outer_boom", 60.0, 20.0, 0.3),
+        effect_of("maxwell_slip", "inner_boom", 2e-3, 0.6),
+        effect_of("boom_flexibility", "inner_boom", 0.3, 1.5, 0.1),
+        effect_of("base_tilt", None, 0.02),
+        effect_of("payload", None, 10.0, 0.2, 0.2),
+        effect_of("hose_mass", None, 2.0),
+        effect_of("actuator_inertia", "inner_boom", 200.0),
+        effect_of("swinging_load", None, 8.0, 1.0, 0.02),
+        effect_of("wind", None, 20.0, 0.4),
+        effect_of("pressure_offset", "inner_boom", 1e5, 0.1, 40.0),
+        effect_of("encoder_offset", "outer_boom", 0.01),
     )
     clean = moved(effects, machine, simulated, motion, gains)
     chain, law = pack_chain(simulated, machine), simulated.friction
@@ -189,7 +189,7 @@ def test_a_label_brings_the_whole_machine_back(
     machine: Machine, simulated: SimulatedCrane, motion: Strokes, gains: Gains, tmp_path: Path
 ) -> None:
     """What is injected on no joint of its own is injected again by the ground truth."""
-    effects = (planted("base_tilt", None, 0.02),)
+    effects = (effect_of("base_tilt", None, 0.02),)
     clean = moved(effects, machine, simulated, motion, gains)
     write_ground_truth(tmp_path / "a.json", tmp_path / "bag", 1, machine, simulated, effects, clean)
     (again,) = load_injected(tmp_path / "a.json", machine, simulated).effects
@@ -245,7 +245,7 @@ def test_parameters_are_drawn_from_the_seed_or_given(
 ) -> None:
     """The same seed gives the same; what is given stays."""
 
-    def drawn(seed: int, **parameters: float) -> Planted:
+    def drawn(seed: int, **parameters: float) -> InjectedForm:
         effect = InjectedEffect(
             effect="stribeck", joint="telescope", strength=0.02, parameters=parameters
         )
@@ -350,8 +350,8 @@ def test_what_warms_up_goes_on_where_the_session_is(
     machine: Machine, simulated: SimulatedCrane, motion: Strokes, gains: Gains
 ) -> None:
     """Oil and transducers of a machine that has run for so long; its motion begins all the same."""
-    oil = planted("warm_up", "outer_boom", 500.0, 300.0, 1.0)
-    zero = planted("pressure_offset", "inner_boom", 1e5, 0.1, 50.0)
+    oil = effect_of("warm_up", "outer_boom", 500.0, 300.0, 1.0)
+    zero = effect_of("pressure_offset", "inner_boom", 1e5, 0.1, 50.0)
     for running in (0.0, 600.0):
         plant = Plant(simulated, machine, motion.start, (oil, zero), running)
         sensors = Sensors(simulated.sensors, machine, 0, faults((oil, zero), machine))

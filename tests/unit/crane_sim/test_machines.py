@@ -33,7 +33,7 @@ from crane_sim.parts.rigid_bodies import mass_and_bias
 from crane_sim.plant.closed_loop import REST_S, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_sim.true_values import main as print_planted
+from crane_sim.true_values import main as print_true_values
 from crane_sim.true_values import true_parameters
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
@@ -74,7 +74,7 @@ def test_rigid_bodies_are_those_of_mujoco(made: Made) -> None:
         np.testing.assert_allclose(bias, leads.T @ data.qfrc_bias, atol=1e-12 * np.abs(bias).max())
 
 
-def test_what_was_planted_explains_what_a_machine_needs(made: Made) -> None:
+def test_what_was_injected_explains_what_a_machine_needs(made: Made) -> None:
     """On its own excitation, by its own model: the bodies of the plant and those of the model are
     derived apart, and agree where all joints slide.
     """
@@ -251,7 +251,7 @@ def test_its_hydraulics_are_printed_as_a_model_file_has_them(
     made: Made, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With the names of parameters, so that `identify` can show them beside what it finds."""
-    assert print_planted(["--machine", made.name, "--json"]) == 0
+    assert print_true_values(["--machine", made.name, "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     measured = [j for j, one in made.machine.cylinders.items() if one.pressure_sensors]
     names = [f"{name}.{joint}" for joint in measured for name in JointHydraulics.units]

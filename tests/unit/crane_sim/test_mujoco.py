@@ -97,7 +97,7 @@ def test_inverse_dynamics_with_slew(
     assert_close(ours, inverse_by_mujoco(model, states), 1e-8)
 
 
-def test_planted_parameters_reproduce_mujoco_with_the_slew_held(
+def test_true_parameters_reproduce_mujoco_with_the_slew_held(
     model: mujoco.MjModel, simulated: SimulatedCrane, machine: Machine, states: States
 ) -> None:
     inertial = [entry.value for entry in true_parameters(simulated, machine)][:8]

@@ -150,7 +150,7 @@ def test_what_the_model_has_already_shows_nothing() -> None:
 
 def test_the_named_member_is_not_part_of_what_the_question_is_asked_beside() -> None:
     more = MODEL.with_term(LOAD_FRICTION.term)
-    more = more.with_estimate(np.append(MODEL.theta, 0.02), np.zeros(21), "planted")
+    more = more.with_estimate(np.append(MODEL.theta, 0.02), np.zeros(21), "true values")
     asked = model_of(more, question(member(LOAD_FRICTION), member(WORN)))
     assert asked.terms == MODEL.terms
     np.testing.assert_array_equal(asked.theta, MODEL.theta)
@@ -195,7 +195,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     found = MODEL.with_term(LOAD_FRICTION.term)
     save_model(
         folder / "model.yaml",
-        found.with_estimate(np.append(MODEL.theta, 0.02), np.zeros(21), "planted"),
+        found.with_estimate(np.append(MODEL.theta, 0.02), np.zeros(21), "true values"),
     )
     members = (
         member(LOAD_FRICTION),
@@ -249,7 +249,7 @@ def test_where_no_motion_discriminates_it_an_action_is_named(tmp_path: Path) -> 
     )  # fmt: skip
     bare = replace(MODEL, terms=without, values=None, std_devs=None)
     kept = [i for i, p in enumerate(MODEL.parameters) if p.name != "df_c.telescope"]
-    bare = bare.with_estimate(MODEL.theta[kept], np.zeros(len(kept)), "planted")
+    bare = bare.with_estimate(MODEL.theta[kept], np.zeros(len(kept)), "true values")
     save_model(tmp_path / "model.yaml", bare)
     constants = [
         Hypothesis(term_from_mapping({"type": name, "joint": "telescope"}), np.array([value]))
@@ -315,7 +315,7 @@ def test_a_term_that_is_not_determined_is_asked_whether_it_is_there(tmp_path: Pa
     kept = [i for i, p in enumerate(MODEL.parameters) if p.name != "f_v.telescope"]
     without = [t for t in MODEL.terms if (t.type, t.only_joint) != ("viscous", "telescope")]
     bare = replace(MODEL, terms=tuple(without), values=None, std_devs=None)
-    bare = bare.with_estimate(MODEL.theta[kept], np.zeros(len(kept)), "planted")
+    bare = bare.with_estimate(MODEL.theta[kept], np.zeros(len(kept)), "true values")
     save_model(tmp_path / "model.yaml", bare)
     viscous = Hypothesis(
         term_from_mapping({"type": "viscous", "joint": "telescope"}), np.array([150.0])

@@ -16,7 +16,7 @@ def test_each_has_a_page_in_the_manual() -> None:
         assert f"../reference/generated/machine_{name}.txt" in page
 
 
-def test_it_includes_the_picture_the_check_and_what_is_planted() -> None:
+def test_it_includes_the_picture_the_check_and_what_is_true() -> None:
     made = dict(machines.pages_of("single_axis"))
     assert set(made) == {"machine_single_axis.svg", "machine_single_axis.txt"}
     page = made["machine_single_axis.txt"]

@@ -11,7 +11,7 @@ from pydantic import ConfigDict
 from crane_benchmark.cases.motions import Richness
 from crane_model.configuration import Schema
 from crane_model.result_file import ResultFile
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.ground_truth import TrueEffect
 from crane_sim.make_bag import COLD, STARTED, Moment
 from crane_trajectory.motion.motion import Motion
@@ -134,7 +134,7 @@ class SessionRecording:
     moment: Moment
     shares: tuple[float, ...]
 
-    def present(self, injected: Sequence[Planted]) -> tuple[Planted, ...]:
+    def present(self, injected: Sequence[InjectedForm]) -> tuple[InjectedForm, ...]:
         """What it carries of the effects of the machine."""
         return tuple(
             effect._replace(values=(share * effect.values[0], *effect.values[1:]))

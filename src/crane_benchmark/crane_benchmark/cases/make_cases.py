@@ -27,7 +27,7 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
 from crane_sim.calibration import UnmovedError, reach
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.ground_truth import ground_truth
 from crane_sim.make_bag import make
 from crane_trajectory.control.controller import load_gains
@@ -93,7 +93,7 @@ def _make(job: MakingJob, attempt: int) -> None:
         train, validate = maker.designed(job.sets)
         measured = train[:1]
 
-    def injected(effects: tuple[EffectToHide, ...], motion: Motion) -> tuple[Planted, ...]:
+    def injected(effects: tuple[EffectToHide, ...], motion: Motion) -> tuple[InjectedForm, ...]:
         wanted = drawn_effects(case.simulator, effects, simulated, of_effects)
         return reach(wanted, machine, simulated, replace(motion, periods=1), gains, build)
 
@@ -101,7 +101,7 @@ def _make(job: MakingJob, attempt: int) -> None:
     case = case.model_copy(update={"effects": effects})
     with new(folders.bags / case.name) as bags, new(folders.sealed / case.name) as sealed:
         write_json(sealed / "case.json", case.model_dump(mode="json"))
-        write_json(sealed / "stand_in.json", simulated.model_dump(mode="json"))
+        write_json(sealed / "simulated_crane.json", simulated.model_dump(mode="json"))
         for place in (bags, sealed):
             save_model(place / "model.yaml", _model(case))
         for part in (TRAIN, VALIDATE):
@@ -120,10 +120,10 @@ def _make(job: MakingJob, attempt: int) -> None:
 
 
 def _strongest(
-    injected: Callable[[tuple[EffectToHide, ...], Motion], tuple[Planted, ...]],
+    injected: Callable[[tuple[EffectToHide, ...], Motion], tuple[InjectedForm, ...]],
     effects: tuple[EffectToHide, ...],
     motions: Sequence[Motion],
-) -> tuple[tuple[EffectToHide, ...], tuple[Planted, ...]]:
+) -> tuple[tuple[EffectToHide, ...], tuple[InjectedForm, ...]]:
     """As strong as asked for on the first motion that shows it so; or half of it, and so on."""
     showing = list(motions)
     for _ in range(DRAW_ATTEMPTS):

@@ -14,7 +14,7 @@ from crane_benchmark.independent.readings import FAMILIES
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_sim.calibration import SLEW, draw_one
-from crane_sim.effects.form import Form, Planted, SensorFault
+from crane_sim.effects.form import Form, InjectedForm, SensorFault
 from crane_sim.effects.kernel import FORMS
 from crane_sim.effects.sensing import drawn_flaws
 from crane_sim.ground_truth import Clean
@@ -93,7 +93,7 @@ def drawn_machine(case: Case, machine: Machine, seed: int) -> DrawnMachine:
 
 def drawn_effects(
     simulator: Simulator, effects: Sequence[EffectToHide], simulated: SimulatedCrane, seed: int
-) -> tuple[Planted, ...]:
+) -> tuple[InjectedForm, ...]:
     """The effects with parameters that are given or drawn, each magnitude at its start."""
     injected = []
     for index, wanted_effect in enumerate(effects):
@@ -102,7 +102,7 @@ def drawn_effects(
             for form in LAWS[simulator][wanted_effect.effect]
             if form.name == wanted_effect.form
         )
-        wanted = Planted(form, wanted_effect.joint, (), wanted_effect.strength)
+        wanted = InjectedForm(form, wanted_effect.joint, (), wanted_effect.strength)
         rng = np.random.default_rng([seed, index])
         injected.append(draw_one(rng, simulated, wanted, wanted_effect.parameters))
     return tuple(injected)

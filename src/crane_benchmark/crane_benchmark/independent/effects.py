@@ -9,7 +9,7 @@ from numba import njit
 
 from crane_model.cylinders import lever_arm
 from crane_model.machine import Machine
-from crane_sim.effects.form import Draw, Form, Magnitude, Planted, coulomb, viscous
+from crane_sim.effects.form import Draw, Form, InjectedForm, Magnitude, coulomb, viscous
 
 # Hidden effects of the other make at work: their parameters and memory, for compiled code.
 
@@ -32,7 +32,7 @@ class IndependentEffects(NamedTuple):
     part: np.ndarray  # (k, j) what the drives must give more, after the last step [N m, N]
 
 
-def pack_injected(injected: Sequence[Planted], machine: Machine) -> IndependentEffects:
+def pack_injected(injected: Sequence[InjectedForm], machine: Machine) -> IndependentEffects:
     """Those of `injected` that act in the plant; faults of sensors are left out."""
     inside = [
         effect

@@ -21,7 +21,7 @@ BEYOND = 0.1  # of its range, by which a joint may leave it against the end stop
 ENDLESS = 1e30  # m, rad
 GIVE = {"rad": 2e-5, "m": 2e-5}  # deflection of the bristles that carry all of the dry friction
 BRISTLE_DAMPING = 2e-3  # s, of the bristles' stiffness
-SUPPLY_HOSES = 4.0  # times the volume of the stand-in's supply line
+SUPPLY_HOSES = 4.0  # times the volume of the supply line of the simulated crane
 
 # Inertia and bias of the crane's bodies, as MuJoCo derives them.
 
@@ -169,7 +169,7 @@ class IndependentParts(NamedTuple):
 
 
 def pack_independent(parameters: SimulatedCrane, machine: Machine, make: Make) -> IndependentParts:
-    """Of the stand-in's parameters, geometry and pump of the machine, and its make."""
+    """From the parameters of the simulated crane, and geometry and pump of the machine."""
     joints = machine.joint_names
     cylinders = [machine.cylinders[joint] for joint in joints]
     inside = [parameters.cylinders[joint] for joint in joints]

@@ -12,7 +12,7 @@ from crane_benchmark.independent.stepping import IndependentState, run_independe
 from crane_model.cylinders import lever_arms
 from crane_model.errors import RangeError
 from crane_model.machine import Machine
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.parts.parameters import (
     SimulatedCrane,
     vary,
@@ -47,7 +47,7 @@ class IndependentPlant:
         machine: Machine,
         make: Make,
         q0: np.ndarray,
-        injected: Sequence[Planted] = (),
+        injected: Sequence[InjectedForm] = (),
         running: float = 0.0,
     ):
         """`running` [s] is for how long the machine has been on. `RangeError` where the pump cannot

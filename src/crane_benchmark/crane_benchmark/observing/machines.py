@@ -12,7 +12,7 @@ from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_observer.recording import HeardRecording
 from crane_sim.calibration import injected_in
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
 from crane_sim.effects.sensing import faults
 from crane_sim.ground_truth import InjectedEffect, Spec
@@ -30,7 +30,7 @@ RESTS = (0.8, 2.5)  # s between two moves
 LEAST_MOVE_S = 2.0  # s that a move takes
 STAYING = 0.3  # share of the moves in which a joint stays
 CARRIED = (20.0, 150.0)  # kg
-PAYLOAD = Planted(FORMS["payload"][0], None, (0.0, 0.0, 0.1))
+PAYLOAD = InjectedForm(FORMS["payload"][0], None, (0.0, 0.0, 0.1))
 """A load that hangs in the tip itself; its mass comes and goes, and its centre with it."""
 SHARE = 0.03  # of the drive force, of each effect that (16) lacks
 HYSTERESIS_SHARE = 0.01  # of the stroke, hysteresis of the valves
@@ -144,7 +144,7 @@ class LiftingPlant(Plant):
         parameters: SimulatedCrane,
         machine: Machine,
         cycles: WorkCycles,
-        hidden: Sequence[Planted],
+        hidden: Sequence[InjectedForm],
     ):
         super().__init__(parameters, machine, cycles.start, [PAYLOAD, *hidden])
         self._cycles = cycles
@@ -203,7 +203,7 @@ class Observed(NamedTuple):
 
     machine: Machine
     simulated: SimulatedCrane
-    hidden: tuple[Planted, ...]
+    hidden: tuple[InjectedForm, ...]
     gains: Gains
 
     def at_work(

@@ -314,7 +314,7 @@ def load_truth(folder: Path) -> CaseTruth:
     """Open what is sealed."""
     case = Case.model_validate(read_json(folder / "case.json"))
     train, validate = (_part(folder, case, part) for part in ("train", "validate"))
-    simulated = SimulatedCrane.model_validate(read_json(folder / "stand_in.json"))
+    simulated = SimulatedCrane.model_validate(read_json(folder / "simulated_crane.json"))
     return CaseTruth(case, simulated, (*train[0], *validate[0]), train[1], validate[1])
 
 

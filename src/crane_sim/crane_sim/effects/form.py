@@ -157,7 +157,7 @@ class Form(NamedTuple):
         return text.format(force="N" if coordinate == "m" else "N m", coordinate=coordinate)
 
 
-class Planted(NamedTuple):
+class InjectedForm(NamedTuple):
     """A form with its parameters: the magnitude, then those drawn, in the order of the form."""
 
     form: Form
@@ -197,12 +197,14 @@ class Injected(NamedTuple):
     softens: bool  # whether any gives way to pressure
 
 
-def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -> Injected | None:
+def packed(
+    effects: Sequence[InjectedForm], machine: Machine, running: float = 0.0
+) -> Injected | None:
     """Effects that act in the plant, `running` [s] after it was started; None if there is none.
 
     Faults of sensors are left out. Raises ValueError for a law whose number is in no range.
     """
-    inside = [effect for effect in planted if isinstance(effect.form.law, int)]
+    inside = [effect for effect in effects if isinstance(effect.form.law, int)]
     laws = [effect.form.law for effect in inside if isinstance(effect.form.law, int)]
     for effect, law in zip(inside, laws, strict=True):
         if not FRICTION <= law < END:

@@ -10,8 +10,8 @@ from crane_model.machine import Machine
 from crane_sim.effects.form import (
     Draw,
     Form,
+    InjectedForm,
     Magnitude,
-    Planted,
     SensorFault,
     Where,
     measured_joints,
@@ -393,11 +393,11 @@ def drawn_flaws(machine: Machine, seed: int) -> tuple[SensorFault, ...]:
     return (*eccentric, PumpPulsation(machine, joints[0], (rate, *chambers)))
 
 
-def faults(planted: Sequence[Planted], machine: Machine) -> tuple[SensorFault, ...]:
+def faults(effects: Sequence[InjectedForm], machine: Machine) -> tuple[SensorFault, ...]:
     """The faults among injected effects, in their order."""
     return tuple(
         effect.form.law(machine, effect.joint, effect.values)
-        for effect in planted
+        for effect in effects
         if not isinstance(effect.form.law, int) and effect.joint is not None
     )
 

@@ -284,8 +284,8 @@ def vary(simulated: SimulatedCrane, seed: int, spread: float = 0.15) -> Simulate
     """Bodies, friction, leakage and oil each within +-spread of those of `simulated`, evenly drawn.
 
     Inertia follows the mass of its body; centres of mass move along the x axis of the body only, so
-    that the base parameters of `planted` stay defined. Friction keeps dissipating; valves (see
-    `vary_valves`), sensors and geometry stay. The same seed gives the same machine.
+    that the base parameters of `true_parameters` stay defined. Friction keeps dissipating; valves
+    (see `vary_valves`), sensors and geometry stay. The same seed gives the same machine.
     """
     rng = np.random.default_rng(seed)
 

@@ -12,7 +12,7 @@ from crane_model.errors import ConfigurationError, RangeError
 from crane_model.hydraulics.simulation import IdentifiedSimulation
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import MachineInMotion, Pressures, RecordedMachine, Sensors
@@ -250,13 +250,13 @@ class LatePlant(Plant):
         parameters: SimulatedCrane,
         machine: Machine,
         q0: np.ndarray,
-        planted: Sequence[Planted] = (),
+        effects: Sequence[InjectedForm] = (),
         delay: float = BUS_DELAY_S,
         spread: float = BUS_SPREAD_S,
         seed: int = 0,
     ):
         """As `Plant` has it; delays are drawn by `seed`."""
-        super().__init__(parameters, machine, q0, planted)
+        super().__init__(parameters, machine, q0, effects)
         self._delay, self._spread = delay, spread
         self._rng = np.random.default_rng([seed, 7])
         self._waiting: deque[tuple[float, np.ndarray]] = deque()

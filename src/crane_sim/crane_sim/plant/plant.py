@@ -10,7 +10,7 @@ from crane_model.errors import RangeError
 from crane_model.hydraulics.stepping import transition
 from crane_model.machine import Machine
 from crane_sim.effects.flow import leak, meter, note_softness, softness
-from crane_sim.effects.form import Injected, Planted, packed
+from crane_sim.effects.form import Injected, InjectedForm, packed
 from crane_sim.effects.kernel import act, settle
 from crane_sim.parts.borrowed import borrowed
 from crane_sim.parts.constants import Constants, Scratch, State, at_rest, pack, room
@@ -185,7 +185,7 @@ class Plant:
         Parameters and geometry.
     q0
         (j,) pose at the start [rad, m].
-    planted
+    effects
         Injected effects; faults of sensors among them have no part in it.
     running
         For how long the machine has been on [s]: what warms up or wears goes on from there.
@@ -201,7 +201,7 @@ class Plant:
         parameters: SimulatedCrane,
         machine: Machine,
         q0: np.ndarray,
-        planted: Sequence[Planted] = (),
+        effects: Sequence[InjectedForm] = (),
         running: float = 0.0,
     ):
         _check_pose(machine, q0)
@@ -211,7 +211,7 @@ class Plant:
         self._constants = pack(parameters, machine)
         self._leakage = self._constants.cylinders["leakage"].copy()
         # None is compiled apart: no cost without effects
-        self._injected = packed(planted, machine, running)
+        self._injected = packed(effects, machine, running)
         self._scratch = room(self._constants.friction)
         self._step = parameters.step
         self._state = self._at_rest(np.array(q0, dtype=float))
@@ -242,7 +242,7 @@ class Plant:
         self._constants.cylinders["leakage"] = self._leakage + passed
 
     def set_magnitude(self, k: int, magnitude: float, *shape: float) -> None:
-        """From now on, effect k of those planted that act in the plant has this magnitude, and this
+        """From now on, the k-th injected effect that acts in the plant has this magnitude, and this
         `shape`, as far as it is given.
         """
         if not 0 <= k < self.injected_count or self._injected is None:

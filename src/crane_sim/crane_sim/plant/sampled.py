@@ -8,7 +8,7 @@ from numba import njit
 
 from crane_model.machine import Machine
 from crane_model.sensors import SensorChain, in_counts
-from crane_sim.effects.form import Planted, SensorFault, measured_joints
+from crane_sim.effects.form import InjectedForm, SensorFault, measured_joints
 from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.sensor_faults import Faults
 
@@ -79,7 +79,7 @@ class RecordedMachine(MachineInMotion, Protocol):
         """(k, j) what flows more into chamber A for each injected effect [m3/s]."""
 
 
-Build = Callable[[np.ndarray, Sequence[Planted], float], RecordedMachine]
+Build = Callable[[np.ndarray, Sequence[InjectedForm], float], RecordedMachine]
 """Makes a machine that rests at (j,) [rad, m], with effects, and has run for a time [s]."""
 
 

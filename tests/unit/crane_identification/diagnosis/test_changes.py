@@ -149,7 +149,7 @@ def test_a_load_in_all_recordings_is_weighed() -> None:
     """With the masses free it is a heavier telescope."""
     crane = crane_model()
     loaded = crane.with_term(Payload())
-    loaded = loaded.with_estimate(np.append(crane.theta, 5.0), np.zeros(21), "planted")
+    loaded = loaded.with_estimate(np.append(crane.theta, 5.0), np.zeros(21), "true values")
     known = crane.with_estimate(crane.theta, 1e-3 * np.abs(crane.theta), "before")
     options = Options(average=False)
     runs = [

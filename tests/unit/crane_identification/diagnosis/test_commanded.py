@@ -17,7 +17,7 @@ from crane_identification.report.figures import commanded_figures
 from crane_identification.thresholds import load_thresholds
 from crane_model.hydraulics import HydraulicValues
 from crane_model.model_file import Model
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.parts.parameters import load_simulated_crane
 
 HIDDEN = "outer_boom"
@@ -37,11 +37,11 @@ def model() -> Model:
     return replace(one, hydraulics=HydraulicValues.model_validate(values))
 
 
-def fit_of(model: Model, planted: Sequence[Planted] = ()) -> tuple[Fitted, Log]:
+def fit_of(model: Model, effects: Sequence[InjectedForm] = ()) -> tuple[Fitted, Log]:
     """To a recording, with one of an hour later held out."""
     train, held_out = (
         replace(
-            recorded(seed=seed, periods=periods, planted=planted),
+            recorded(seed=seed, periods=periods, effects=effects),
             source=str(seed),
             start=seed * LATER,
         )

@@ -35,7 +35,7 @@ def loaded(seed: int, mass: float) -> Preparation:
     """20 s of a crane that carries a mass, gapless."""
     model = crane_model()
     theta = np.append(model.theta, mass)
-    carrying = model.with_term(Payload()).with_estimate(theta, 0.0 * theta, "planted")
+    carrying = model.with_term(Payload()).with_estimate(theta, 0.0 * theta, "true values")
     log = replace(crane_log(seed, 1, carrying), source=f"recording {seed}")
     return prepare(model, log, Options(average=False))[0]
 

@@ -98,7 +98,7 @@ def of_a_spring(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
 
 
 def test_an_effect_of_another_law_is_named_by_its_signature(of_a_spring: Diagnosis) -> None:
-    """Its shape, as drawn, is the planted one, beside a constant; and the gap closes."""
+    """Its shape, as drawn, is the drawn one, beside a constant; and the gap closes."""
     (found,) = of_a_spring.findings
     assert of_a_spring.verdict in (Verdict.NAMED, Verdict.AND_MORE)
     assert (found.candidate.type, found.candidate.drawn) == ("hose_stiffness", True)
@@ -108,9 +108,9 @@ def test_an_effect_of_another_law_is_named_by_its_signature(of_a_spring: Diagnos
     assert (entry.effect, shape.variable, shape.times) == ("hose_stiffness", "position", "1")
     assert (shape.variable_unit, shape.unit) == ("m", "N")
     knots, values = np.array(shape.knots), np.array(shape.values)
-    planted = spring(knots, knots)
-    planted *= np.ptp(values) / np.ptp(planted)
-    np.testing.assert_allclose(values - values[4], planted - planted[4], atol=0.1 * np.ptp(values))
+    drawn = spring(knots, knots)
+    drawn *= np.ptp(values) / np.ptp(drawn)
+    np.testing.assert_allclose(values - values[4], drawn - drawn[4], atol=0.1 * np.ptp(values))
 
 
 @pytest.mark.parametrize(

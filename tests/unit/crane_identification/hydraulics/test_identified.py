@@ -24,7 +24,7 @@ from crane_identification.hydraulics.joint_estimate import (
 from crane_model.errors import DataError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
 from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 
@@ -50,7 +50,7 @@ def simulated() -> SimulatedCrane:
 @pytest.fixture(scope="module")
 def log(simulated: SimulatedCrane) -> Log:
     """Commands are late by 10 ms, and logged from SILENT on."""
-    return recorded(simulated, seed=1, periods=2, planted=[play("outer_boom", WIDTH)], live=True)
+    return recorded(simulated, seed=1, periods=2, effects=[play("outer_boom", WIDTH)], live=True)
 
 
 def test_a_live_recording_tells_valves_oil_and_supply(log: Log, simulated: SimulatedCrane) -> None:
@@ -85,7 +85,7 @@ def test_a_live_recording_tells_valves_oil_and_supply(log: Log, simulated: Simul
 def test_a_law_that_is_none_of_these_does_not_fit() -> None:
     """Oil that air softens at low pressure: little is unexplained, but noise does not repeat."""
     form = FORMS["air_in_oil"][0]  # isothermal
-    log = recorded(seed=21, periods=2, planted=[Planted(form, "outer_boom", (0.1,))])
+    log = recorded(seed=21, periods=2, effects=[InjectedForm(form, "outer_boom", (0.1,))])
     found = identify_joint(MACHINE, "outer_boom", [log], PERIOD).values
     assert found.unexplained < 0.01
     assert found.lack_of_fit is not None

@@ -8,7 +8,7 @@ from crane_identification.data.log import Log, Signal
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.calibration import SLEW, Slewing
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
 from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 from crane_sim.plant.closed_loop import LatePlant, SimulatedRecording, record
@@ -33,7 +33,7 @@ def recorded(
     seed: int = 0,
     periods: int = 3,
     trajectory: str = "excitation_20s.yaml",
-    planted: Sequence[Planted] = (),
+    effects: Sequence[InjectedForm] = (),
     live: bool = False,
     slewed: bool = False,
     probe: Probe | None = None,
@@ -49,9 +49,9 @@ def recorded(
     )
     course = Slewing(motion, SLEW_SPEED, SLEW_FREQUENCY) if slewed else motion
     plant = (
-        LatePlant(simulated, MACHINE, motion.start, planted, seed=seed)
+        LatePlant(simulated, MACHINE, motion.start, effects, seed=seed)
         if live
-        else Plant(simulated, MACHINE, motion.start, planted)
+        else Plant(simulated, MACHINE, motion.start, effects)
     )
     sensors = Sensors(simulated.sensors, MACHINE, seed)
     gains = load_gains(machine_file("controller.yaml"), MACHINE)
@@ -83,10 +83,10 @@ def log_of(recording: SimulatedRecording, live: bool = False) -> Log:
     )
 
 
-def play(joint: str, width: float) -> Planted:
+def play(joint: str, width: float) -> InjectedForm:
     """Hysteresis of a valve: its edges trail the spool."""
     form = next(form for form in FORMS["valve_hysteresis"] if form.name == "trailing_edges")
-    return Planted(form, joint, (width,))
+    return InjectedForm(form, joint, (width,))
 
 
 def truth(simulated: SimulatedCrane, joint: str, width: float = 0.0) -> dict[str, float]:

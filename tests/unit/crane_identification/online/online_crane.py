@@ -14,7 +14,7 @@ RATE = 200.0  # Hz
 JITTER = 1e-4  # s
 BEHIND = 2e-3  # s, by which pressures are read after the encoders
 ENCODER = 4.794e-5
-PLANTED = np.array(
+TRUE_VALUES = np.array(
     [450, 350, 8, 250, 170, 20, 130, 180]  # inertial, in the order of the packaged model
     + [900, 100, 1500, 200, 500, 50, 700, 80, 500, 60, 700, 90]  # friction of each joint
 )
@@ -60,9 +60,11 @@ def pressures(
     assert isinstance(machine, Machine)
     position, velocity, acceleration = motion(time, swing)
     record = Record(model.joints, time, position, velocity, acceleration)
-    planted = model.with_estimate(PLANTED.astype(float), np.zeros(len(PLANTED)), "planted")
+    true_values = model.with_estimate(
+        TRUE_VALUES.astype(float), np.zeros(len(TRUE_VALUES)), "true values"
+    )
     drive = cylinder_forces_from_generalized(
-        machine, position, planted.predict(record), model.joints
+        machine, position, true_values.predict(record), model.joints
     )
     areas = np.array(
         [(machine.cylinders[j].area_a, machine.cylinders[j].area_b) for j in model.joints]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from unit.crane_identification.online.online_crane import (
     ENCODER,
-    PLANTED,
     STANDS,
     START,
     SWING,
+    TRUE_VALUES,
     crane,
     record_log,
 )
@@ -39,19 +39,19 @@ def learned(log: Log) -> tuple[OnlineEstimator, list[Forces]]:
     return replay(crane(), log)
 
 
-def test_planted_parameters_are_found(learned: tuple[OnlineEstimator, list[Forces]]) -> None:
+def test_true_parameters_are_found(learned: tuple[OnlineEstimator, list[Forces]]) -> None:
     solution = learned[0].solve()
-    errors = (solution.values - PLANTED) / solution.std_devs
+    errors = (solution.values - TRUE_VALUES) / solution.std_devs
     assert solution.determined.all()
     assert (np.abs(errors) < 4.0).all()
-    assert np.median(solution.std_devs / PLANTED) < 0.05
+    assert np.median(solution.std_devs / TRUE_VALUES) < 0.05
 
 
 def test_standard_deviations_are_those_of_many_recordings() -> None:
     errors = []
     for seed in range(5):
         solution = replay(crane(), record_log(22.0, seed))[0].solve()
-        errors.append((solution.values - PLANTED) / solution.std_devs)
+        errors.append((solution.values - TRUE_VALUES) / solution.std_devs)
     assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
@@ -77,13 +77,13 @@ def with_rows(log: Log, monkeypatch: pytest.MonkeyPatch) -> tuple[OnlineEstimato
 def test_rows_of_a_crane_that_swings_on_its_oil_are_as_true_as_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Without noise, planted parameters leave no more than the encoders' counts explain.
+    """Without noise, true_values parameters leave no more than the encoders' counts explain.
 
     Columns of a motion smoothed over the whole lag leave 4.4 N m and 1.7 N of this swing.
     """
     log = record_log(14.0, noise=0.0, swing=SWING)
     matrix, force, used = with_rows(log, monkeypatch)[1]
-    left = np.where(used, force - matrix @ PLANTED, 0.0)
+    left = np.where(used, force - matrix @ TRUE_VALUES, 0.0)
     assert (np.sqrt((left**2).sum(axis=0) / used.sum(axis=0)) < [2.0, 1.0, 0.3]).all()
 
 
@@ -182,7 +182,7 @@ def test_lost_readings_begin_a_new_run_and_spoil_nothing(log: Log) -> None:
     estimator, _ = replay(crane(), replace(log, position=position))
     solution = estimator.solve()
     assert estimator.smoother.run == 1
-    assert (np.abs(solution.values - PLANTED) < 4.0 * solution.std_devs).all()
+    assert (np.abs(solution.values - TRUE_VALUES) < 4.0 * solution.std_devs).all()
 
 
 def test_readings_that_are_no_numbers_are_counted_and_left_out(log: Log) -> None:
@@ -196,7 +196,7 @@ def test_readings_that_are_no_numbers_are_counted_and_left_out(log: Log) -> None
     estimator, _ = replay(crane(), replace(log, position=position, pressure_a=pressure_a))
     assert estimator.invalid == 2
     assert estimator.smoother.run == 0
-    assert (np.abs(estimator.solve().values - PLANTED) < 4.0 * estimator.solve().std_devs).all()
+    assert (np.abs(estimator.solve().values - TRUE_VALUES) < 4.0 * estimator.solve().std_devs).all()
 
 
 def test_fitted_model_names_what_is_not_determined() -> None:

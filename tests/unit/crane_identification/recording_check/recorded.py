@@ -9,7 +9,7 @@ from crane_identification.data.log import Log, Signal
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.calibration import slewing
-from crane_sim.effects.form import Planted
+from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.sensing import faults
 from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 from crane_sim.plant.closed_loop import Course, SimulatedRecording, record
@@ -30,14 +30,14 @@ def packaged_motion(
 
 
 def seen(
-    simulated: SimulatedCrane, course: Course, seed: int = 0, planted: Sequence[Planted] = ()
+    simulated: SimulatedCrane, course: Course, seed: int = 0, effects: Sequence[InjectedForm] = ()
 ) -> SimulatedRecording:
     """What the sensors of a machine show on a motion."""
     machine = load_machine()
-    plant = Plant(simulated, machine, course.start, planted)
-    sensors = Sensors(simulated.sensors, machine, seed, faults(planted, machine))
+    plant = Plant(simulated, machine, course.start, effects)
+    sensors = Sensors(simulated.sensors, machine, seed, faults(effects, machine))
     return record(
-        slewing(course, planted),
+        slewing(course, effects),
         plant,
         sensors,
         load_gains(machine_file("controller.yaml"), machine),
@@ -48,12 +48,12 @@ def recorded(
     simulated: SimulatedCrane | None = None,
     course: Course | None = None,
     seed: int = 0,
-    planted: Sequence[Planted] = (),
+    effects: Sequence[InjectedForm] = (),
 ) -> Log:
     """The same as a log; by default of the packaged machine and motion."""
     simulated = simulated or load_simulated_crane()
     course = course or packaged_motion(load_machine(), simulated.start)
-    found = seen(simulated, course, seed, planted)
+    found = seen(simulated, course, seed, effects)
     of_joint = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
     of_cylinder = [found.cylinders.index(joint) for joint in PLANAR_JOINTS]
 

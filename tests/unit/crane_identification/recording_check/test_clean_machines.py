@@ -80,14 +80,14 @@ def with_effect(effect: str, joint: str | None, magnitude: dict[str, float]) -> 
     machine, simulated = load_machine(), load_simulated_crane()
     course = packaged_motion(machine, simulated.start)
     hidden = InjectedEffect(effect=effect, joint=joint, parameters=magnitude)
-    planted = calibrate(
+    effects = calibrate(
         Spec(effects=(hidden,)),
         machine,
         simulated,
         course,
         load_gains(machine_file("controller.yaml"), machine),
     )
-    return recorded(simulated, course, 4, planted)
+    return recorded(simulated, course, 4, effects)
 
 
 @pytest.mark.parametrize(

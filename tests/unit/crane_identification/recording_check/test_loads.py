@@ -67,8 +67,8 @@ def recorded(folder: Path, comes: float) -> Log:
     clearance = load_clearance(machine_file("clearance.yaml"))
     motion = plan(machine.machine, trajectory, machine.simulated.start, 4, clearance)
 
-    def build(start: np.ndarray, planted: tuple, running: float) -> Lifting:
-        made = Lifting(machine.simulated, machine.machine, start, [PAYLOAD, *planted], running)
+    def build(start: np.ndarray, effects: tuple, running: float) -> Lifting:
+        made = Lifting(machine.simulated, machine.machine, start, [PAYLOAD, *effects], running)
         made.comes = comes
         return made
 

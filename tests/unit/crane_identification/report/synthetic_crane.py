@@ -10,7 +10,7 @@ from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 
 RATE = 100.0  # Hz
-PLANTED = dict(
+TRUE_VALUES = dict(
     zip(
         [p.name for p in load_model(machine_file("model.yaml")).parameters],
         [450, 350, 8, 400, 170, 20, 130, 180]  # inertial, as in crane_model.base_parameters
@@ -44,8 +44,8 @@ def record_crane(
         acceleration=acceleration,
     )
     machine = load_machine()
-    theta = np.array(list(PLANTED.values()), dtype=float)
-    model = crane_model().with_estimate(theta, 0 * theta, "planted")
+    theta = np.array(list(TRUE_VALUES.values()), dtype=float)
+    model = crane_model().with_estimate(theta, 0 * theta, "true values")
     drive = cylinder_forces_from_generalized(machine, position, model.predict(record), model.joints)
     areas = np.array(
         [(machine.cylinders[j].area_a, machine.cylinders[j].area_b) for j in model.joints]

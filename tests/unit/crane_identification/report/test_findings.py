@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.crane_identification.report.synthetic_crane import PLANTED
+from unit.crane_identification.report.synthetic_crane import TRUE_VALUES
 
 from crane_identification.preparation.run import Averaging, Drift
 from crane_identification.report.findings import findings
@@ -24,27 +24,27 @@ def with_preparation(report, **changes):
 
 
 def test_a_good_fit_has_no_warnings(report):
-    planted = np.array(list(PLANTED.values()), dtype=float)
-    good = with_estimate(report, values=planted, std_devs=0.02 * np.abs(planted))
+    true_values = np.array(list(TRUE_VALUES.values()), dtype=float)
+    good = with_estimate(report, values=true_values, std_devs=0.02 * np.abs(true_values))
     assert warnings_of(report, good, report.training) == ()
 
 
 def test_uncertain_parameters_are_named_with_their_share(report):
-    planted = np.array(list(PLANTED.values()), dtype=float)
-    std_devs = 0.02 * np.abs(planted)
-    std_devs[3] = 0.31 * planted[3]
-    (warning,) = warnings_of(report, with_estimate(report, values=planted, std_devs=std_devs))
+    true_values = np.array(list(TRUE_VALUES.values()), dtype=float)
+    std_devs = 0.02 * np.abs(true_values)
+    std_devs[3] = 0.31 * true_values[3]
+    (warning,) = warnings_of(report, with_estimate(report, values=true_values, std_devs=std_devs))
     assert "J_SL (31\u202f%)" in warning
     assert "J_FL" not in warning
 
 
 def test_values_of_the_wrong_sign_are_not_physical(report):
-    planted = np.array(list(PLANTED.values()), dtype=float)
-    values = planted.copy()
+    true_values = np.array(list(TRUE_VALUES.values()), dtype=float)
+    values = true_values.copy()
     values[report.fit.estimate.names.index("m_TL")] = -3.0
     values[report.fit.estimate.names.index("S_FL_normal")] *= -1  # may have either sign
     (warning,) = warnings_of(
-        report, with_estimate(report, values=values, std_devs=1e-3 * np.abs(planted))
+        report, with_estimate(report, values=values, std_devs=1e-3 * np.abs(true_values))
     )
     assert "Not physical" in warning
     assert "m_TL" in warning

@@ -71,9 +71,9 @@ def test_parameters_are_those_of_the_summary(report, tree):
         (value,), (std_dev,) = row.find("td", class_="value"), row.find("td", class_="sigma")
         assert abs(number(value.text) - parameter.value) <= 0.051 * parameter.std_dev
         assert number(std_dev.text) == pytest.approx(parameter.std_dev, rel=0.051)
-        (planted,) = row.find("td", class_="true-value")
+        (true_values,) = row.find("td", class_="true-value")
         true = report.true_values[parameter.name]
-        assert abs(number(planted.text) - true) <= 0.051 * parameter.std_dev
+        assert abs(number(true_values.text) - true) <= 0.051 * parameter.std_dev
         assert row.find("circle", class_="dot")
 
 
@@ -177,8 +177,8 @@ def test_hydraulics_stand_beside_true_values(report: IdentificationReport) -> No
     assert hydraulics is not None and report.true_values is not None
     (joint, values), *_ = hydraulics.joints.items()
     known = replace(report.fit, model=replace(report.fit.model, hydraulics=hydraulics))
-    planted = {**report.true_values, f"lag.{joint}": 0.021}
-    tree = read_html(page.render(replace(report, fit=known, true_values=planted)))
+    true_values = {**report.true_values, f"lag.{joint}": 0.021}
+    tree = read_html(page.render(replace(report, fit=known, true_values=true_values)))
     (table,) = tree.find("table", class_="hydraulics")
     assert "true value" in [cell.text for cell in table.find("th")]
     shown = [cell.text for cell in table.find("td", class_="true-value")]

@@ -56,7 +56,7 @@ def test_errors_are_those_of_its_own_model_on_the_validation_recordings(settled)
     np.testing.assert_allclose(exact.recursive_held_out.relative, fitted.relative, rtol=1e-12)
 
 
-def test_a_panel_shows_what_has_settled_with_fit_and_planted_value(settled):
+def test_a_panel_shows_what_has_settled_with_fit_and_true_value(settled):
     panels = [panel for figure in settling_figures(settled) for panel in figure.panels]
     estimate = settled.fit.estimate
     names = estimate.names
