@@ -45,7 +45,6 @@ WORDS = {
 """Words of earlier pages, and those of the field in their place."""
 EXEMPT: frozenset[str] = frozenset(
     {
-        "docs/effects.md",
         "docs/explanation/diagnosis.md",
     }
 )
