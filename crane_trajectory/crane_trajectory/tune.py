@@ -75,7 +75,9 @@ def run_trials(
     columns = [machine.index(joint) for joint in model.joints]
     delay = float(np.mean([known.joints[joint].valve.delay for joint in model.joints]))
     start = np.tile(motion.start[columns], (len(trials), 1))
-    twin = IdentifiedSimulation(model, start, delay + np.array([trial.late for trial in trials]))
+    simulation = IdentifiedSimulation(
+        model, start, delay + np.array([trial.late for trial in trials])
+    )
     made = [controller(trial.scale) for trial in trials]
     for trial_controller in made:
         trial_controller.start(np.zeros(len(motion.start)))
@@ -87,10 +89,10 @@ def run_trials(
     for k in progress(range(len(times))):
         here, there = (Point(*(part[k] for part in reference[:3])) for reference in (now, ahead))
         wanted = Wanted(here, there)
-        q, v = twin.position, twin.velocity
+        q, v = simulation.position, simulation.velocity
         error[k] = now.position[k, columns] - q
         beside[k] = v - now.velocity[k, columns]
-        p_a, p_b, supply = twin.pressures
+        p_a, p_b, supply = simulation.pressures
         u = np.empty(start.shape)
         for n, trial_controller in enumerate(made):
             reading = SensorReading(
@@ -102,7 +104,7 @@ def run_trials(
             )
             u[n] = trial_controller.command(MAX_CYCLE_S, reading, wanted)[columns]
             worst[n] = max(worst[n], *trial_controller.conditions)
-        twin.advance(u, MAX_CYCLE_S)
+        simulation.advance(u, MAX_CYCLE_S)
     inside = times >= motion.excitation_start
     speed = np.sqrt(np.mean(now.velocity[inside][:, columns] ** 2, axis=0))
     spectrum = np.fft.rfft(beside[inside], axis=0)

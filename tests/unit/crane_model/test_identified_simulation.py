@@ -36,10 +36,10 @@ def swing(name: str, seconds: float = 1.5) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_moves_as_its_crane(name: str) -> None:
-    crane, twin = swing(name)
+    crane, simulation = swing(name)
     way = np.ptp(crane, axis=0)
     assert (way > 0.02).sum() >= len(way) - 1
-    assert (np.abs(twin - crane).max(axis=0) <= 0.03 * way + 1e-4).all()
+    assert (np.abs(simulation - crane).max(axis=0) <= 0.03 * way + 1e-4).all()
 
 
 def crane(

@@ -1,4 +1,4 @@
-"""`tune` tells gains that a crane stands from those that make it swing, on its twin alone."""
+"""`tune` tells gains that a crane stands from those that make it swing, on its simulation alone."""
 
 from pathlib import Path
 
