@@ -20,9 +20,9 @@ RECORDER = RUN.format(module="crane_nodes.recording.recorder_node")
 TRAVEL = 0.02  # rad
 SHARED = {"/diagnostics"}  # by all nodes of a domain; names of statuses begin with the node's
 READY = {
-    "trajectory": "ready: listens to /left/driver/state, /left/joint_states; publishes "
-    "/left/joint_reference, /diagnostics; serves /left/trajectory/save_learnt, "
-    "/left/run_excitation",
+    "trajectory": "ready: listens to /left/driver/state, /left/joint_states, "
+    "/left/trajectory/joint_trajectory; publishes /left/joint_reference, /diagnostics; serves "
+    "/left/trajectory/save_learnt, /left/run_excitation",
     "identification": "ready: listens to /left/joint_states, /left/cylinder_pressures; publishes "
     "/diagnostics, /left/parameter_estimate, /left/generalized_forces; serves "
     "/left/identification/reset_estimator, /left/identification/save_model",
