@@ -58,7 +58,7 @@ TRAJECTORY = {
     },
 }
 SHORT_PATIENCE = (
-    "import crane_nodes.this_computer; crane_nodes.this_computer.PATIENCE_S = 3.0; " + RUN
+    "import crane_nodes.this_computer; crane_nodes.this_computer.PATIENCE_S = 8.0; " + RUN
 )
 
 
