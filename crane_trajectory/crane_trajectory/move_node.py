@@ -30,7 +30,7 @@ from crane_model.kinematics import tip_position
 from crane_model.machine import Machine, load_machine, parse_pose
 from crane_model.machine_files import machine_file
 from crane_nodes.managed import own_arguments, ros
-from crane_trajectory.motion.check import TipRoom, draw, load_clearance
+from crane_trajectory.motion.check import TipClearance, draw, load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.tip_path import Arc, Segment, StraightLine, TipPath, plan_tip_path
 from crane_trajectory.run_excitation_node import RunExcitationClient, tell
@@ -58,15 +58,19 @@ class Move:
 
 def segments(move: Move, machine: Machine, start: np.ndarray) -> list[Segment]:
     """Lines and arcs in the base frame, from the tip at `start` (j,); `ConfigurationError`."""
-    room, here = TipRoom(machine), tip_position(machine, start[np.newaxis])[0]
+    tip_clearance, here = TipClearance(machine), tip_position(machine, start[np.newaxis])[0]
     found: list[Segment] = []
     through: np.ndarray | None = None
     for kind, given in move.points:
         if len(given) == 3:
             point = np.array(given) + (here if move.relative else 0.0)
         else:
-            origin = room.at(machine.joint_names, start[np.newaxis])[0] if move.relative else 0.0
-            point = room.point(start, *(np.array(given) + origin).tolist())
+            origin = (
+                tip_clearance.at(machine.joint_names, start[np.newaxis])[0]
+                if move.relative
+                else 0.0
+            )
+            point = tip_clearance.point(start, *(np.array(given) + origin).tolist())
         if kind == "through":
             if through is not None:
                 raise ConfigurationError("--through: give the end of its arc by --to behind it")

@@ -73,7 +73,7 @@ LIVE = ". Changeable while running"
 
 CLEARANCE = Text(
     "clearance", "",
-    "File of the room that the boom tip keeps; empty: clearance.yaml of the machine. At configure",
+    "File of the clearance of the boom tip; empty: clearance.yaml of the machine. At configure",
 )  # fmt: skip
 CONTROLLER = Text(
     "controller", "",

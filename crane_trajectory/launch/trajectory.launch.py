@@ -6,7 +6,7 @@ from crane_nodes.launching import COMMON, declared, node
 
 ARGUMENTS = COMMON | {
     "machine": "Machine by its name, or its folder or machine file",
-    "clearance": "File of the room that the boom tip keeps",
+    "clearance": "File of the clearance of the boom tip",
     "controller": "File of the gains, as bring-up writes it",
     "law": "Control law, for example flow_and_pressures",
     "law_model": "Model file with hydraulics for that law",

@@ -45,7 +45,7 @@ KINDS = (
     Kind("Sweep trajectory", "Written by `design --sweeps`.", SweepTrajectory),
     Kind("Design settings", "Margins and effort of `design`.", DesignSettings,
          machine_file("design.yaml")),
-    Kind("Clearance", "The room that the boom tip keeps.", Clearance,
+    Kind("Clearance", "The clearance that the boom tip keeps.", Clearance,
          machine_file("clearance.yaml")),
     Kind("Controller", "The gains of (36).", Gains, machine_file("controller.yaml")),
     Kind("Joints", "What nodes and operator need to know of each joint.", JointNotes,

@@ -46,7 +46,7 @@ def six_axes() -> Model:
 
 MACHINES: dict[str, tuple[Callable[[], Model], frozenset[Limit]]] = {
     "excavator": (lambda: load_model(machine_file("model.yaml", "excavator")), frozenset()),
-    "six-axis robot": (six_axes, frozenset({Limit.FLOW, Limit.ROOM})),
+    "six-axis robot": (six_axes, frozenset({Limit.FLOW, Limit.CLEARANCE})),
 }
 
 

@@ -1,7 +1,8 @@
 """Excitation design at the report's setting, beside random search and SLSQP by differences.
 
 Table 2 without margins, 5 harmonics, period 66 s, the 20 base columns in SI units, 200 samples of
-the period, no bounds on room and acceleration. Times are of processors: two cores share a design.
+the period, no bounds on clearance and acceleration. Times are of
+processors: two cores share a design.
 """
 
 import resource
@@ -38,9 +39,9 @@ PROBLEM = ExcitationProblem(
     66.0,
     5,
     SETTINGS.search,
-    Margins(position=0.0, velocity=0.0, flow=0.0, room=0.0),
+    Margins(position=0.0, velocity=0.0, flow=0.0, clearance=0.0),
     load_clearance(machine_file("clearance.yaml")),
-    without=frozenset({Limit.ROOM}),
+    without=frozenset({Limit.CLEARANCE}),
 )
 
 

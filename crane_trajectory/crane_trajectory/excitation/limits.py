@@ -5,9 +5,9 @@ sum_jk weight_njk dPhi_njk / d(q, q', q'') at each sample n: the regressor pulle
 The terms of rigid bodies and all `motion_columns` have closed forms; for any other term of one
 instant, differences of fourth order, which are exact to rounding where the term is smooth.
 
-Positions, velocities and accelerations are linear in the coefficients; pump flow and room of the
-boom tip are not. Cylinder strokes cover the positions of Table 2, or the machine is refused when it
-is loaded.
+Positions, velocities and accelerations are linear in the coefficients; pump flow and clearance of
+the boom tip are not. Cylinder strokes cover the positions of Table 2, or the machine is refused
+when it is loaded.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting, Term
 from crane_trajectory.excitation.criterion import PredictedRecording, record_of
-from crane_trajectory.motion.check import Clearance, TipRoom, pump_flow
+from crane_trajectory.motion.check import Clearance, TipClearance, pump_flow
 from crane_trajectory.motion.periodic import MotionSamples
 
 STENCIL_STEP = 1e-3  # rad, m and their derivatives: rounding and truncation are alike
@@ -45,7 +45,7 @@ class Margins(Schema):
     position: Annotated[float, Field(ge=0, lt=0.5)]  # of the range of Table 2, at both ends
     velocity: Share
     flow: Share
-    room: Annotated[float, Field(ge=0)]  # m
+    clearance: Annotated[float, Field(ge=0)]  # m
 
     def positions(self, machine: Machine, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest positions (j,) that they leave of Table 2."""
@@ -183,7 +183,7 @@ class Limit(StrEnum):
 
     VELOCITY = "velocity"
     FLOW = "flow"
-    ROOM = "room"
+    CLEARANCE = "clearance"
 
 
 class Limits:
@@ -206,12 +206,12 @@ class Limits:
         self.machine, self.joints, self.basis = machine, joints, basis
         self.margins, self.clearance = margins, clearance
         self._flow_counts = Limit.FLOW not in without and machine.supply is not None
-        self._room, keep = TipRoom(machine), clearance.kept + margins.room
-        counts = Limit.ROOM not in without
+        self._tip_clearance, keep = TipClearance(machine), clearance.kept + margins.clearance
+        counts = Limit.CLEARANCE not in without
         self._sides = [side for side in (0, 1) if counts and np.isfinite(keep[side])]
         self._keep = keep[self._sides]
         if self._sides:
-            self._room.require(joints, ", or design without room")
+            self._tip_clearance.require(joints, ", or design without clearance")
         rows = [machine.limits[joint] for joint in joints]
         self.lowest, self.highest = margins.positions(machine, joints)
         share = np.inf if Limit.VELOCITY in without else 1.0 - margins.velocity
@@ -222,7 +222,7 @@ class Limits:
         self.home = self._home_pose()
 
     def reserves(self, point: np.ndarray) -> np.ndarray:
-        """What is left (r,) of pump flow [shares] and of room to pillar and to ground [m].
+        """What is left (r,) of pump flow [shares] and of clearance to pillar and to ground [m].
 
         Negative where a limit less its margin is passed.
         """
@@ -240,7 +240,7 @@ class Limits:
                 + self._chain(self.basis.velocity, by_velocity)
             )
         if self._sides:
-            slopes = self._room.slopes(self.joints, position)
+            slopes = self._tip_clearance.slopes(self.joints, position)
             blocks += [
                 self._chain(self.basis.position, slopes[:, side] * inside) for side in self._sides
             ]
@@ -250,7 +250,7 @@ class Limits:
         """A point within the limits near the given one; the point itself if it is within.
 
         Waves that are too large for a joint are scaled and shifted to fit; then the whole motion is
-        drawn towards the home pose as far as pump flow and room need it.
+        drawn towards the home pose as far as pump flow and clearance need it.
         """
         waves = point.reshape(-1, len(self.joints)).copy()
         offset, waves[0] = waves[0].copy(), 0.0
@@ -297,12 +297,12 @@ class Limits:
             flow = pump_flow(self.machine, self.joints, position, velocity)
             parts.append(1.0 - flow / self._flow_allowed)
         if self._sides:
-            parts.append(self._room_left(position).T.ravel())
+            parts.append(self._clearance_left(position).T.ravel())
         return np.concatenate(parts)
 
-    def _room_left(self, position: np.ndarray) -> np.ndarray:
-        """(n, s): room beyond what is kept, on each side that counts [m]."""
-        return self._room.at(self.joints, position)[:, self._sides] - self._keep
+    def _clearance_left(self, position: np.ndarray) -> np.ndarray:
+        """(n, s): clearance beyond what is kept, on each side that counts [m]."""
+        return self._tip_clearance.at(self.joints, position)[:, self._sides] - self._keep
 
     def _flow_slopes(
         self, position: np.ndarray, velocity: np.ndarray
@@ -341,7 +341,7 @@ class Limits:
         return matrix[np.isfinite(bound)], bound[np.isfinite(bound)]
 
     def _home_pose(self) -> np.ndarray:
-        """The pose (j,) of a coarse grid that is farthest from all limits of position and room."""
+        """The pose (j,) of a coarse grid that is farthest from limits of position and clearance."""
         count = poses_per_joint(len(self.joints), HOME_POSES, MOST_HOME_POSES)
         steps = (np.arange(count) + 0.5) / count
         shares = np.stack(np.meshgrid(*[steps] * len(self.joints)), axis=-1)
@@ -349,11 +349,11 @@ class Limits:
         poses = self.lowest + shares * (self.highest - self.lowest)
         distance = np.minimum(shares, 1.0 - shares).min(axis=1)
         if self._sides:
-            distance = np.minimum(distance, self._room_left(poses).min(axis=1))
+            distance = np.minimum(distance, self._clearance_left(poses).min(axis=1))
         if distance.max() <= 0.0:
             raise RangeError(
                 f"{self.clearance}: no pose within Table 2 keeps the boom tip clear by this and a "
-                f"margin of {self.margins.room} m; lower the clearance or the margin"
+                f"margin of {self.margins.clearance} m; lower the clearance or the margin"
             )
         return poses[distance.argmax()]
 

@@ -39,8 +39,8 @@ REDUCTIONS = (0.0, *(1e-4 * 2.0 ** np.arange(13)))  # of amplitude, tried in tur
 QUANTITIES = {
     "velocity": Limit.VELOCITY,
     "pump flow": Limit.FLOW,
-    "height": Limit.ROOM,
-    "distance from pillar": Limit.ROOM,
+    "height": Limit.CLEARANCE,
+    "distance from pillar": Limit.CLEARANCE,
 }
 
 
@@ -124,7 +124,7 @@ class ExcitationProblem:
                 "jac": lambda _: -limits.matrix,
             }
         ]
-        if not {Limit.FLOW, Limit.ROOM} <= self.without:
+        if not {Limit.FLOW, Limit.CLEARANCE} <= self.without:
             constraints.append(
                 {"type": "ineq", "fun": limits.reserves, "jac": limits.reserve_slopes}
             )

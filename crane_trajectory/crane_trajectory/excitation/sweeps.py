@@ -15,12 +15,12 @@ from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine
 from crane_trajectory.excitation.limits import Margins, poses_per_joint
 from crane_trajectory.excitation.search import DECIMALS, ExcitationProblem
-from crane_trajectory.motion.check import Clearance, TipRoom, refuse, trajectory_violations
+from crane_trajectory.motion.check import Clearance, TipClearance, refuse, trajectory_violations
 from crane_trajectory.motion.periodic import FourierTrajectory, JointCourse, SweepTrajectory
 
 CORNER = 0.5  # s
 REST_POSES, MOST_REST_POSES = 5, 625  # per joint and in all, among which that of rest is chosen
-ROOM_POINTS = 200  # positions of a sweep at which the room of the tip is looked at
+CLEARANCE_POINTS = 200  # positions of a sweep at which the clearance of the tip is looked at
 
 SERIES_SHARES = (1.0, 0.97, 0.9, 0.8)  # of a series, tried in turn until it is within the limits
 SERIES_VARIATION = 0.25  # of a series, rms over that of its waves
@@ -30,28 +30,30 @@ ALONE, AT_AN_END, DWELLS = 0.6, 0.4, 0.3  # how often one joint moves alone, to 
 DWELL = (0.5, 3.0)  # s
 LARGEST_FACTOR = 1.5  # of the period: with its way back, and varied
 LONGEST_LEG = 0.25  # of the period, so that there are several legs
-POSE_ATTEMPTS = 200  # to find a pose that leaves the tip its room
+POSE_ATTEMPTS = 200  # to find a pose that leaves the tip its clearance
 SLOWER = (1.0, 1.3, 1.7)  # times as long, where the pump does not suffice
 KNOT_SHIFT, LEG_STRETCH = 0.15, 0.4  # of the range, and of the log of the time of a leg
 
 
 class ClearPoses:
-    """Whether the tip keeps its room, with a margin, at positions (j,) of some joints."""
+    """Whether the tip keeps its clearance, with a margin, at positions (j,) of some joints."""
 
     def __init__(
         self, machine: Machine, joints: tuple[str, ...], clearance: Clearance, margins: Margins
     ):
-        self._room, self._joints = TipRoom(machine), joints
-        self._keep = clearance.kept + margins.room
-        self.known = set(self._room.joints) <= set(joints)
+        self._tip_clearance, self._joints = TipClearance(machine), joints
+        self._keep = clearance.kept + margins.clearance
+        self.known = set(self._tip_clearance.joints) <= set(joints)
         self.remedy = (
-            f"within Table 2 keeps the boom tip clear by this and a margin of {margins.room} m; "
-            "lower the clearance or the margin"
+            f"within Table 2 keeps the boom tip clear by this and a margin of "
+            f"{margins.clearance} m; lower the clearance or the margin"
         )
 
     def at(self, positions: np.ndarray) -> np.ndarray:
         """(n, j) positions to (n,)."""
-        clear: np.ndarray = np.all(self._room.at(self._joints, positions) >= self._keep, axis=1)
+        clear: np.ndarray = np.all(
+            self._tip_clearance.at(self._joints, positions) >= self._keep, axis=1
+        )
         return clear
 
 
@@ -64,13 +66,13 @@ def design_sweeps(
     dwell: float,
     name: str,
 ) -> SweepTrajectory:
-    """Sweeps of `joints`, as wide as limits and room allow from one pose of the others.
+    """Sweeps of `joints`, as wide as limits and clearance allow from one pose of the others.
 
     `shares` of the smaller velocity limit of a joint are its speeds, `dwell` [s] the rest at either
     end. Raises `ConfigurationError` if they last longer than a trajectory may, `RangeError` if a
-    limit would be passed or no pose leaves the tip its room.
+    limit would be passed or no pose leaves the tip its clearance.
     """
-    TipRoom(machine).require(joints)
+    TipClearance(machine).require(joints)
     clear = ClearPoses(machine, joints, clearance, margins)
     home, ends = _widest(clear, *margins.positions(machine, joints))
     if not ends:
@@ -134,16 +136,16 @@ def _widest(
 def _reach(
     poses: ClearPoses, pose: np.ndarray, column: int, low: float, high: float
 ) -> tuple[float, float]:
-    """How far joint `column` can go from the pose either way while the tip keeps its room."""
-    positions = np.tile(pose, (ROOM_POINTS, 1))
-    positions[:, column] = np.linspace(low, high, ROOM_POINTS)
+    """How far joint `column` can go from the pose either way while the tip keeps its clearance."""
+    positions = np.tile(pose, (CLEARANCE_POINTS, 1))
+    positions[:, column] = np.linspace(low, high, CLEARANCE_POINTS)
     clear = poses.at(positions)
     here = int(np.abs(positions[:, column] - pose[column]).argmin())
     if not clear[here]:
         return float(pose[column]), float(pose[column])
     blocked = np.flatnonzero(~clear)
     first = blocked[blocked < here].max(initial=-1) + 1
-    last = blocked[blocked > here].min(initial=ROOM_POINTS) - 1
+    last = blocked[blocked > here].min(initial=CLEARANCE_POINTS) - 1
     return float(positions[first, column]), float(positions[last, column])
 
 
@@ -270,7 +272,7 @@ class CourseDraws:
         return max(float(needed.max()), 2.0 * CORNER)
 
     def _pose(self, rng: np.random.Generator) -> np.ndarray:
-        """A pose at which the tip has its room; `ConfigurationError` if there is none."""
+        """A pose at which the tip has its clearance; `ConfigurationError` if there is none."""
         clear = ClearPoses(self.machine, self.joints, self.clearance, self.margins)
         lowest, highest = self.margins.positions(self.machine, self.joints)
         for _ in range(POSE_ATTEMPTS):

@@ -1,4 +1,4 @@
-"""Whole-trajectory check: Table 2, cylinder stroke, pump flow, room of the tip; its picture."""
+"""Whole-trajectory check: Table 2, cylinder stroke, pump flow, tip clearance; its picture."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -66,7 +66,7 @@ def maxima(
     return time[order][last], value[order][last]
 
 
-class TipRoom:
+class TipClearance:
     """Where the tip of a machine is, seen from the pillar.
 
     The pillar is the axis of the first joint if that turns about the vertical, which then changes
@@ -97,8 +97,9 @@ class TipRoom:
         """`ConfigurationError` unless `joints` are all that move the tip."""
         if not set(self.joints) <= set(joints):
             raise ConfigurationError(
-                f"{self._machine.name}: the room of its tip depends on {', '.join(self.joints)}, "
-                f"but the model has only {', '.join(joints)}; add the others to the model{instead}"
+                f"{self._machine.name}: the clearance of its tip depends on "
+                f"{', '.join(self.joints)}, but the model has only {', '.join(joints)}; "
+                f"add the others to the model{instead}"
             )
 
     def at(self, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
@@ -134,7 +135,7 @@ class TipRoom:
 
 
 class Clearance(Schema):
-    """Room that the boom tip keeps, as `TipRoom` has it.
+    """Clearance that the boom tip keeps, as `TipClearance` has it.
 
     Parameters
     ----------
@@ -238,9 +239,9 @@ def violations(
     if fits == set(joints):  # elsewhere lever arms and tip have no meaning
         if machine.supply:
             found += _flow(machine, joints, reference, grid)
-        room = TipRoom(machine)
-        if set(room.joints) <= fits:
-            found += _room(room, joints, reference, grid, clearance)
+        tip_clearance = TipClearance(machine)
+        if set(tip_clearance.joints) <= fits:
+            found += _clearance_violations(tip_clearance, joints, reference, grid, clearance)
     return found
 
 
@@ -354,15 +355,15 @@ def _flow(
     return _above("all cylinders", "pump flow", largest, machine.hydraulics.pump_flow, "m3/s")
 
 
-def _room(
-    room: TipRoom,
+def _clearance_violations(
+    tip_clearance: TipClearance,
     joints: Sequence[str],
     reference: PathFunction,
     grid: np.ndarray,
     clearance: Clearance,
 ) -> list[Violation]:
     def nearness(time: np.ndarray) -> np.ndarray:
-        return -room.at(joints, reference(time)[0])
+        return -tip_clearance.at(joints, reference(time)[0])
 
     times, values = maxima(nearness, grid)
     near, low = map(Extreme, times.tolist(), (-values).tolist())
@@ -377,7 +378,7 @@ def draw(
     path: Path, machine: Machine, trajectory: PeriodicTrajectory, clearance: Clearance
 ) -> None:
     """Draw one period like Fig. 8, limits dashed: positions and velocities of the joints that it
-    moves, pump flow, and the tip's room. The format is that of the file's name (.png, .svg, .pdf).
+    moves, pump flow, and the clearance of the tip. The suffix names the format (.png, .svg, .pdf).
     """
     from matplotlib.figure import Figure  # a second to import
 
@@ -398,9 +399,9 @@ def draw(
         flow = pump_flow(machine, joints, motion.position, motion.velocity)
         litres = 60e3 * flow, (60e3 * machine.supply.pump_flow,)
         _panel(axes[2, 0], time, *litres, "pump flow, all cylinders [l/min]")
-    room = TipRoom(machine)
-    if set(room.joints) <= set(joints):
-        distance, height = room.at(joints, motion.position).T
+    tip_clearance = TipClearance(machine)
+    if set(tip_clearance.joints) <= set(joints):
+        distance, height = tip_clearance.at(joints, motion.position).T
         nearest, lowest = clearance.kept.tolist()
         _panel(axes[2, 1], time, distance, (nearest,), "tip from pillar [m]")
         _panel(axes[2, 2], time, height, (lowest,), "tip above ground [m]")

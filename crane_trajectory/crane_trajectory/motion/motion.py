@@ -4,8 +4,8 @@ The crane first moves from where it stands, on a straight line in joint space, t
 trajectory shortly before its start. From there the *clock* of the trajectory is started: it runs up
 smoothly from standing still to its normal rate, and runs down again after the last period. So
 start and stop follow the path of the trajectory itself and are never faster than it: where the
-trajectory respects limits of position, velocity, stroke, pump flow and room, so do they. Position,
-velocity and acceleration are continuous throughout.
+trajectory respects limits of position, velocity, stroke, pump flow and clearance, so do they.
+Position, velocity and acceleration are continuous throughout.
 """
 
 import math
@@ -177,7 +177,7 @@ class Motion:
         Parameters
         ----------
         clearance
-            Room that the boom tip keeps.
+            Clearance that the boom tip keeps.
 
         Returns
         -------
@@ -277,7 +277,7 @@ def plan(
     periods
         How many whole periods to run.
     clearance
-        Room that the boom tip keeps.
+        Clearance that the boom tip keeps.
 
     Returns
     -------

@@ -262,8 +262,8 @@ def _cheapest(
 def _at_ends(machine: Machine, pose: np.ndarray) -> str:
     """The joints that are nearest to the ends of their ranges, in words."""
     low, high = _limits(machine)
-    room = np.minimum(pose - low, high - pose) / (high - low)
-    near = np.flatnonzero(room < max(float(room.min()), 0.0) + TOLERANCE)
+    margin = np.minimum(pose - low, high - pose) / (high - low)
+    near = np.flatnonzero(margin < max(float(margin.min()), 0.0) + TOLERANCE)
     return " and ".join(machine.joint_names[i] for i in near) + (
         " is" if len(near) == 1 else " are"
     )

@@ -18,7 +18,7 @@ from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.excitation.search import ExcitationProblem
 from crane_trajectory.excitation.sweeps import design_sweeps
 from crane_trajectory.experiment import Experiment, Outcome
-from crane_trajectory.motion.check import TipRoom, draw, load_clearance, trajectory_violations
+from crane_trajectory.motion.check import TipClearance, draw, load_clearance, trajectory_violations
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.trajectory_topics import TuningNumbers
@@ -78,9 +78,9 @@ def test_a_trajectory_of_a_crane_is_refused() -> None:
 
 
 @pytest.mark.parametrize("machine", [LOADER, "excavator", "single_axis", "laboratory_crane"])
-def test_the_slopes_of_the_room_are_its_derivatives(machine: Path | str) -> None:
+def test_the_slopes_of_the_clearance_are_its_derivatives(machine: Path | str) -> None:
     loaded = load_machine(machine)
-    room, joints = TipRoom(loaded), tuple(reversed(loaded.joint_names))
+    tip_clearance, joints = TipClearance(loaded), tuple(reversed(loaded.joint_names))
     rng = np.random.default_rng(3)
     limits = [loaded.limits[joint] for joint in joints]
     q = rng.uniform(
@@ -88,20 +88,20 @@ def test_the_slopes_of_the_room_are_its_derivatives(machine: Path | str) -> None
         [limit.position_max for limit in limits],
         (20, len(joints)),
     )
-    slopes = room.slopes(joints, q)
+    slopes = tip_clearance.slopes(joints, q)
     for j in range(len(joints)):
         step = np.zeros(len(joints))
         step[j] = 1e-6
-        numeric = (room.at(joints, q + step) - room.at(joints, q - step)) / 2e-6
+        numeric = (tip_clearance.at(joints, q + step) - tip_clearance.at(joints, q - step)) / 2e-6
         np.testing.assert_allclose(slopes[:, :, j], numeric, atol=1e-8)
 
 
-def test_a_swing_about_the_vertical_costs_no_room() -> None:
+def test_a_swing_about_the_vertical_costs_no_clearance() -> None:
     excavator = load_machine("excavator")
-    assert TipRoom(excavator).joints == excavator.joint_names[1:]
-    assert TipRoom(MACHINE).joints == MACHINE.joint_names
+    assert TipClearance(excavator).joints == excavator.joint_names[1:]
+    assert TipClearance(MACHINE).joints == MACHINE.joint_names
     pose = np.array([[0.5, 0.3]])
-    distance, height = TipRoom(MACHINE).at(MACHINE.joint_names, pose)[0]
+    distance, height = TipClearance(MACHINE).at(MACHINE.joint_names, pose)[0]
     assert distance == pytest.approx(0.5 + 0.3 + 1.5 * np.cos(0.3))
     assert height == pytest.approx(1.0 + 1.5 * np.sin(0.3))
     assert tip_jacobian(MACHINE, pose).shape == (1, 3, 2)

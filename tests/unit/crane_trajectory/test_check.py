@@ -14,7 +14,7 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import (
     Clearance,
-    TipRoom,
+    TipClearance,
     load_clearance,
     maxima,
     pump_flow,
@@ -187,7 +187,7 @@ def test_tip_keeps_off_ground_and_pillar():
     assert ("boom tip", "distance from pillar") in [(v.joint, v.quantity) for v in near]
 
 
-def test_tip_room_in_a_stretched_pose():
+def test_tip_clearance_in_a_stretched_pose():
     # psi = 0: the telescope is level, at the elbow's height plus its offset
     dh = MACHINE.as_planar()
     q = np.array([[0.5, -0.5, 0.3]])
@@ -196,10 +196,10 @@ def test_tip_room_in_a_stretched_pose():
         dh.inner_boom_length * math.cos(phi) + dh.telescope_length + 0.3,
         dh.base_height + dh.inner_boom_length * math.sin(phi) + dh.telescope_offset,
     ]
-    np.testing.assert_allclose(TipRoom(MACHINE).at(PLANAR_JOINTS, q)[0], expected, atol=1e-12)
+    np.testing.assert_allclose(TipClearance(MACHINE).at(PLANAR_JOINTS, q)[0], expected, atol=1e-12)
 
 
-def test_room_is_not_checked_without_all_planar_joints():
+def test_clearance_is_not_checked_without_all_planar_joints():
     clearance = Clearance(gripper_length=50.0, ground_clearance=0.0, pillar_clearance=50.0)
     assert trajectory_violations(MACHINE, sine("inner_boom", 0.4, 0.1), clearance) == []
     assert len(trajectory_violations(MACHINE, planar(), clearance)) == 2

@@ -20,7 +20,7 @@ from crane_trajectory.excitation.search import (
     search,
     steps,
 )
-from crane_trajectory.motion.check import Clearance, TipRoom, load_clearance, pump_flow
+from crane_trajectory.motion.check import Clearance, TipClearance, load_clearance, pump_flow
 from crane_trajectory.motion.periodic import FourierTrajectory, load_trajectory
 
 PLANAR_JOINTS = load_machine().joint_names[1:]
@@ -69,7 +69,7 @@ def test_gradient_is_that_of_the_smoothed_criterion(kind, columns):
     np.testing.assert_allclose(gradient, numeric, atol=1e-4 * np.abs(gradient).max())
 
 
-def test_slopes_of_flow_and_room_are_derivatives():
+def test_slopes_of_flow_and_clearance_are_derivatives():
     limits, step = PROBLEM.start_limits, 1e-6
     point = PROBLEM.random_point(np.random.default_rng(3))
     numeric = [
@@ -114,7 +114,7 @@ def test_found_trajectory_keeps_every_limit_on_a_much_finer_grid(seed):
         assert np.abs(motion.acceleration[:, i]).max() <= ACCELERATION[joint]
     flow = pump_flow(machine, PLANAR_JOINTS, motion.position, motion.velocity)
     assert flow.max() <= machine.hydraulics.pump_flow
-    distance, height = TipRoom(machine).at(PLANAR_JOINTS, motion.position).T
+    distance, height = TipClearance(machine).at(PLANAR_JOINTS, motion.position).T
     assert distance.min() >= CLEARANCE.pillar_clearance
     assert height.min() >= CLEARANCE.lowest_tip
 
@@ -176,7 +176,7 @@ def test_a_campaign_tells_more_than_as_many_copies_of_its_first():
         assert (swing > 0.1 * (limits.highest - limits.lowest)).all()
 
 
-def test_no_room_for_the_tip_is_refused():
+def test_no_clearance_for_the_tip_is_refused():
     tall = Clearance(gripper_length=9.0, ground_clearance=0.0, pillar_clearance=0.0)
     with pytest.raises(RangeError, match="no pose within Table 2"):
         problem(clearance=tall).random_point(np.random.default_rng(0))

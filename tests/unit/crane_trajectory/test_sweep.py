@@ -111,7 +111,7 @@ def test_designed_sweeps_can_be_run(designed):
     assert designed.corner == CORNER
 
 
-def test_no_room_is_refused():
+def test_no_clearance_is_refused():
     high = Clearance(gripper_length=9.0, ground_clearance=0.0, pillar_clearance=0.0)
     with pytest.raises(RangeError, match="no pose within Table 2"):
         design_sweeps(MACHINE, PLANAR_JOINTS, high, MARGINS, [0.5], 1.0, "none")

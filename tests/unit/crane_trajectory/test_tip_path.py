@@ -12,7 +12,7 @@ from crane_model.errors import ConfigurationError, RangeError
 from crane_model.kinematics import tip_position
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_trajectory.motion.check import TipRoom, load_clearance, pump_flow
+from crane_trajectory.motion.check import TipClearance, load_clearance, pump_flow
 from crane_trajectory.motion.motion import RUN_UP, Phase, plan
 from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.motion.points import PointsTrajectory
@@ -159,13 +159,13 @@ def test_how_far_the_tip_comes_is_true() -> None:
 
 
 def test_a_point_by_distance_and_height_is_in_the_plane_of_the_boom() -> None:
-    room = TipRoom(MACHINE)
-    point = room.point(START, 3.5, 1.25)
+    tip_clearance = TipClearance(MACHINE)
+    point = tip_clearance.point(START, 3.5, 1.25)
     assert point @ np.cross(UP, AHEAD) == pytest.approx(0.0, abs=1e-9)
     assert point @ AHEAD == pytest.approx(3.5)
     assert point[2] == pytest.approx(1.25)
-    there = room.at(MACHINE.joint_names, START[np.newaxis])[0]
-    np.testing.assert_allclose(room.point(START, *there), HERE, atol=1e-9)
+    there = tip_clearance.at(MACHINE.joint_names, START[np.newaxis])[0]
+    np.testing.assert_allclose(tip_clearance.point(START, *there), HERE, atol=1e-9)
 
 
 # Motion through points, from a file.

@@ -8,7 +8,7 @@ import numpy as np
 
 from crane_model.errors import RangeError
 from crane_model.machine import Machine, load_machine
-from crane_trajectory.motion.check import Clearance, TipRoom, pump_flow
+from crane_trajectory.motion.check import Clearance, TipClearance, pump_flow
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import (
     FourierTrajectory,
@@ -144,7 +144,7 @@ class Maker:
             for attempt in range(TRIES):
                 self.rng.bit_generator.state = state
                 trajectory = draw(SHRINK**attempt)
-                if not _has_room(self.machine, self.clearance, trajectory):
+                if not _has_clearance(self.machine, self.clearance, trajectory):
                     continue
                 try:
                     return plan(self.machine, trajectory, self.start, periods, self.clearance)
@@ -156,13 +156,15 @@ class Maker:
         )
 
 
-def _has_room(machine: Machine, clearance: Clearance, trajectory: PeriodicTrajectory) -> bool:
+def _has_clearance(machine: Machine, clearance: Clearance, trajectory: PeriodicTrajectory) -> bool:
     """Whether tip and pump allow it at some instants: what `plan` looks at closely, but quick."""
     joints = trajectory.joint_names
     samples = trajectory.evaluate(np.linspace(0.0, trajectory.period, LOOKS))
-    room = TipRoom(machine).at(joints, samples.position)
+    tip_clearance = TipClearance(machine).at(joints, samples.position)
     flow = pump_flow(machine, joints, samples.position, samples.velocity)
-    return bool((room > clearance.kept).all() and (flow < machine.hydraulics.pump_flow).all())
+    return bool(
+        (tip_clearance > clearance.kept).all() and (flow < machine.hydraulics.pump_flow).all()
+    )
 
 
 def _fourier(
