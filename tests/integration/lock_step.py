@@ -28,6 +28,7 @@ from crane_bags.types import (
     double_fields,
     typestore,
 )
+from crane_interfaces.msg import ValveCommand
 from crane_nodes import this_computer
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.executor import KeptExecutor
@@ -78,7 +79,9 @@ class Suite:
         self._executor.add_node(self.node)
         self.driver = DriverClient(self.node)
         self.time = 0  # ns, simulated
+        self.commanded = False  # whether the newest command moves a joint
         self.node.create_subscription(Clock, "/clock", self._ticked, 1)
+        self.node.create_subscription(ValveCommand, "/valve_command", self._command, 1)
 
     def __enter__(self) -> Self:
         try:
@@ -150,6 +153,9 @@ class Suite:
         """What all processes have printed last."""
         said = {name: (self._folder / f"{name}.log").read_text() for name in self.processes}
         return "\n".join(f"{name}: {text[-500:]}" for name, text in said.items())
+
+    def _command(self, message: ValveCommand) -> None:
+        self.commanded = any(message.command)
 
     def _ticked(self, message: Clock) -> None:
         self.time = nanoseconds(message.clock)

@@ -66,6 +66,7 @@ def test_a_process_that_dies_ends_in_its_fault(
 ) -> None:
     with Suite(tmp_path / "suite", seed=1, program=SHORT_PATIENCE) as suite:
         suite.until(lambda: suite.driver.state.state == DriverState.STATE_ENABLED)
+        suite.until(lambda: suite.commanded)
         suite.moved_on(1.0)
         suite.processes[killed].kill()
         suite.until(lambda: suite.driver.newest.state == DriverState.STATE_FAULT)
@@ -77,6 +78,7 @@ def test_without_its_driver_the_valves_close_and_the_experiment_ends(
 ) -> None:
     with Suite(tmp_path / "suite", seed=1, program=SHORT_PATIENCE) as suite:
         suite.until(lambda: suite.driver.state.state == DriverState.STATE_ENABLED)
+        suite.until(lambda: suite.commanded)
         suite.moved_on(1.0)
         suite.processes["driver"].kill()
         suite.until(lambda: suite.processes["excitation"].poll() is not None)
@@ -87,6 +89,7 @@ def test_without_its_driver_the_valves_close_and_the_experiment_ends(
 def test_a_recorder_that_dies_is_missed_by_nobody(tmp_path: Path, ros_domain: int) -> None:
     with Suite(tmp_path / "suite", seed=1, program=SHORT_PATIENCE) as suite:
         suite.until(lambda: suite.driver.state.state == DriverState.STATE_ENABLED)
+        suite.until(lambda: suite.commanded)
         suite.moved_on(1.0)
         suite.processes["recorder"].kill()
         suite.completed()

@@ -7,13 +7,15 @@ Points without velocities are joined by a cubic spline, whose acceleration is co
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from crane_model.configuration import Schema
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 MOST_POINTS = 5000
 LONGEST_DURATION = 3600.0  # s
@@ -147,7 +149,9 @@ class PointsTrajectory(Schema):
         return MotionSamples(course(inside), within * rate(inside), within * change(inside))
 
     @cached_property
-    def _polynomials(self) -> tuple[PPoly, PPoly, PPoly]:
+    def _polynomials(self) -> "tuple[PPoly, PPoly, PPoly]":
+        from scipy.interpolate import BPoly, CubicSpline, PPoly  # half a second to import
+
         series = self.joints.values()
         given = [
             np.array([getattr(points, what) for points in series]).T
