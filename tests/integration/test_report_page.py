@@ -3,7 +3,7 @@
 import pytest
 from integration.browser import Opened, installed, run
 from integration.browser import opened as open_page
-from unit.crane_identification.report.synthetic_crane import PLANTED, crane_model, record_crane
+from unit.crane_identification.report.synthetic_crane import TRUE_VALUES, crane_model, record_crane
 
 from crane_identification.fitting import fit
 from crane_identification.online.replay import recursion
@@ -31,7 +31,7 @@ def report() -> IdentificationReport:
         validations=tuple(compare(fitted.model, p, fitted.decimation) for p in data),
         warnings=("A warning.",),
         provenance=Provenance.of("2012-06-01", ["identify"], "crane.yaml"),
-        true_values=PLANTED,
+        true_values=TRUE_VALUES,
         recursive=recursion(crane_model(), training),
     )
 

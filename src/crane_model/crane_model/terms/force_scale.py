@@ -71,7 +71,7 @@ class PressureGain(ForceScale):
     family: ClassVar[Family] = "sensing"
     effect: ClassVar[Effect] = Effect(
         "gain of the pressure transducers",
-        "scales the whole force of a joint; of all joints alike, it scales all masses",
+        "scales the whole force of a joint; if it is the same for all joints, it scales all masses",
         ("payload", "chamber_gain", "chamber_a_gain", "linkage_scale"),
         "both transducers beside a reference at several pressures; if they are right, a survey of "
         "the linkages of the other joints, which may all be smaller or larger than in their file",

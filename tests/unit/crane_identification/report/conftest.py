@@ -1,7 +1,7 @@
 """A report of a real fit to recordings of a synthetic crane."""
 
 import pytest
-from unit.crane_identification.report.synthetic_crane import PLANTED, crane_model, record_crane
+from unit.crane_identification.report.synthetic_crane import TRUE_VALUES, crane_model, record_crane
 
 from crane_identification.data.log import Log
 from crane_identification.fitting import FitResult, fit
@@ -34,5 +34,5 @@ def report(training: tuple[Log, ...], fitted: FitResult) -> IdentificationReport
         validations=validations,
         warnings=findings(fitted, [*training, *held_out], validations),
         provenance=Provenance.of("2012-06-01", ["identify", "--out", "a b"], "crane.yaml"),
-        true_values=PLANTED,
+        true_values=TRUE_VALUES,
     )
