@@ -34,6 +34,8 @@ LEAST_FLOW_RUN_S = 3.0  # s; of what is shorter, the filter sees little but its 
 LEAST_FLOW_TIME_S = 8.0  # s of motion in either direction
 STILL = 0.02  # of the fastest piston speed; below it a joint counts as at rest
 FLOW_PRESSURES = ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
+METERING_DROP = "metering_drop"
+"""Of a passage: the drop at all edges that feed, where valves share the flow of one pump [Pa]."""
 COMMON = ("supply_pressure", "tank_pressure")  # of all joints; nominal where they are not logged
 VALVE_MOTION = ("position", "command")
 FLOW_SIGNALS = (*VALVE_MOTION, *FLOW_PRESSURES)
@@ -314,7 +316,9 @@ class ChamberRows(PassageRows):
             (none, -rate_b),
         )
         self.oil = self._filtered(np.stack([np.stack(pair, axis=1) for pair in oil], axis=2))
-        drops = (supply - p_a, p_a - tank, supply - p_b, p_b - tank)
+        feeding = passage.pressures.get(METERING_DROP)
+        over_a, over_b = (supply - p_a, supply - p_b) if feeding is None else (feeding, feeding)
+        drops = (over_a, p_a - tank, over_b, p_b - tank)
         self._roots = np.stack([roots(drop) for drop in drops], axis=1)
 
     def columns(self, spool: SpoolValues) -> np.ndarray:

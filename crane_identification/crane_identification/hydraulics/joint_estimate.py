@@ -1,6 +1,7 @@
 """The hydraulics of one joint with pressure transducers."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import hypot, sqrt
 from pathlib import Path
 from statistics import fmean
@@ -14,10 +15,13 @@ from crane_identification.hydraulics.balance import (
     CUT_OFF,
     DAMPING_RATIO,
     EDGES,
+    FINE,
     LINEAR,
+    METERING_DROP,
     Balance,
     ChamberRows,
     MotionRows,
+    Passage,
     passages,
 )
 from crane_identification.hydraulics.projection import (
@@ -65,6 +69,7 @@ DISCRIMINATED_BY = {
 
 ASSUMED_MODULUS = 1.3e9  # Pa, mineral oil with hoses: where no cylinder of the machine tells
 LARGEST_SLEW = 0.01  # rad: beyond, the slew has drawn oil that nobody measured
+LARGEST_DROP_MARGINS = 2.0  # margins of the pump, that the drop at feeding edges may be
 OIL = ("bulk_modulus", "dead_volume_a", "dead_volume_b", "leakage")
 ASSUMED = ("hysteresis", "natural_frequency")
 LEVER_TOLERANCE = 1e-6  # levers of a joint that has one alone
@@ -84,15 +89,21 @@ def identify_joint(
     logs: Sequence[Log],
     period: float | None = None,
     modulus: float = ASSUMED_MODULUS,
+    loads: "HighestLoads | None" = None,
 ) -> JointFit:
     """Valve and chambers; `DataError` says why the recordings do not tell them.
+
+    `loads` are those of all joints, for valves that share the flow of one pump.
 
     A motor's chambers stay as large as they are, so that it tells only what they hold over the bulk
     modulus of the oil: for it, the `modulus` [Pa] is assumed.
     """
     cylinder = machine.cylinders[joint]
     known = None if cylinder.chambers.grow else modulus
-    balance = Balance([ChamberRows(part, cylinder) for part in passages(machine, joint, logs)])
+    parts = passages(machine, joint, logs)
+    if loads is not None:
+        parts = [loads.shared(part) for part in parts]
+    balance = Balance([ChamberRows(part, cylinder) for part in parts])
     try:
         found = project(balance)
         _require_sense(found, known)
@@ -314,6 +325,62 @@ def _shared(found: Sequence[JointFit]) -> list[list[tuple[BalanceFit, ChamberRow
     return [parts for parts in together.values() if len(parts) == len(found)]
 
 
+# One pump that all valves share, with load sensing and flow sharing.
+#
+# All edges that feed have the same drop, p_S - p_L, where p_L is the highest pressure of the chambers
+# that are fed: the margin of the pump, and less where it is at its limit. Which chambers are fed, the
+# openings of all valves tell, so that they are found first with the margin as their drop.
+
+SHARING_ROUNDS = 2  # of valves from loads, and loads from valves
+
+
+@dataclass(frozen=True)
+class HighestLoads:
+    """p_L of each recording by its source: times (n,) [s] and pressures (n,) [Pa]."""
+
+    margin: float  # Pa, of the pump: what the drop is where no load is known
+    course: Mapping[str, tuple[np.ndarray, np.ndarray]]
+
+    def shared(self, part: Passage) -> Passage:
+        """The passage with the drop at the edges that feed."""
+        supply = part.pressures["supply_pressure"]
+        drop = np.full(len(part), self.margin)
+        if part.source in self.course:
+            load = np.interp(part.time, *self.course[part.source])
+            drop = np.clip(supply - load, 0.0, self.margin * LARGEST_DROP_MARGINS)
+        return replace(part, pressures={**part.pressures, METERING_DROP: drop})
+
+
+def highest_loads(
+    machine: Machine, joints: Sequence[str], logs: Sequence[Log], margin: float
+) -> HighestLoads:
+    """From the valves of `joints`; those of which nothing can be told count as closed."""
+    loads = HighestLoads(margin, {})
+    for _ in range(SHARING_ROUNDS):
+        fed: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+        for joint in joints:
+            try:
+                parts = [loads.shared(part) for part in passages(machine, joint, logs)]
+            except DataError:
+                continue
+            rows = [ChamberRows(part, machine.cylinders[joint]) for part in parts]
+            spool = project(Balance(rows)).spool
+            for row in rows:
+                pressures, opened = row.passage.pressures, row.opening(spool)[::FINE]
+                tank = pressures["tank_pressure"]
+                load = np.where(opened > 0.0, pressures["pressure_a"], pressures["pressure_b"])
+                course = row.passage.time, np.where(opened == 0.0, tank, load)
+                fed.setdefault(row.passage.source, []).append(course)
+        loads = HighestLoads(margin, {source: _highest(parts) for source, parts in fed.items()})
+    return loads
+
+
+def _highest(courses: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    time = np.unique(np.concatenate([time for time, _ in courses]))
+    each = [np.interp(time, *course, left=0.0, right=0.0) for course in courses]
+    return time, np.max(each, axis=0)
+
+
 # The hydraulics of a machine from recordings of its motion, joint by joint.
 
 
@@ -336,14 +403,16 @@ def identify_hydraulics(
         key=lambda joint: not machine.cylinders[joint].chambers.grow,
     )
     blind = [joint for joint in machine.cylinders if joint not in sensed]
+    sensing = machine.hydraulics.load_sensing
+    loads = highest_loads(machine, fitted, wanted, sensing.margin) if sensing else None
     for number, joint in enumerate(fitted):
         try:
-            found[joint] = identify_joint(machine, joint, wanted, period, _oil_of(found))
+            found[joint] = identify_joint(machine, joint, wanted, period, _oil_of(found), loads)
         except (DataError, RangeError) as error:
             unknown[joint] = str(error)
         progress("hydraulics", (number + 1) / len(fitted))
     supply = None
-    if found and len(found) == len(fitted):
+    if found and len(found) == len(fitted) and not sensing:
         try:
             supply = identify_supply(tuple(found.values()), wanted)
         except DataError as error:

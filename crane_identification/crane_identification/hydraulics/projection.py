@@ -31,12 +31,15 @@ from crane_identification.preparation.periodicity import Periodicity, periodic_p
 from crane_model.errors import DataError
 
 LOWEST_SPOOL = SpoolValues(1e-3, 0.0, 0.0, 0.0, 0.0)
-HIGHEST_SPOOL = SpoolValues(0.4, 1.5, 0.5, 0.5, 0.3)
+HIGHEST_SPOOL = SpoolValues(0.8, 1.5, 0.5, 0.5, 0.3)
 SCALE = np.array([2e-3, 0.1, 1e-2, 1e-2, 1e-2])
 """Of the parameters of a spool, so that a step of 1 changes the balance visibly."""
 SPOOL_STEP = 1e-3  # of SCALE, for derivatives
-STARTS = tuple(product((0.01, 0.03, 0.08), (0.005, 0.02, 0.04, 0.06, 0.09, 0.13, 0.2)))
-"""Lags [s] and dead bands that are tried before the search."""
+STARTS = (
+    *product((0.01, 0.03, 0.08), (0.005, 0.02, 0.04, 0.06, 0.09, 0.13, 0.2)),
+    *product((0.16, 0.24, 0.32, 0.45), (0.02, 0.06, 0.13)),
+)
+"""Lags [s] and dead bands that are tried before the search: of servo valves, of pilot-operated ones."""
 # Steps of the search at most, which takes five where the flow follows the valve
 MOST_SEARCH_STEPS = 30
 WHITENING_ROUNDS = 3  # of the whitening

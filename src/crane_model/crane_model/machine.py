@@ -118,6 +118,17 @@ Gravity = Annotated[
 """Straight down [m/s2], or (3,) in the base's frame where the base is tilted."""
 
 
+class LoadSensing(Schema):
+    """A pump that keeps its pressure a margin above the highest load of the functions that move.
+
+    Valves that compensate behind their metering edges (flow sharing) then have the same drop at all
+    edges that feed: the margin, or less where the pump is at its limit of flow or power.
+    """
+
+    margin: Positive  # Pa
+    power: Positive  # W, most that the pump takes
+
+
 class HydraulicSupply(Schema):
     """Supply of all hydraulic actuators [Pa gauge, m3/s]."""
 
@@ -125,6 +136,7 @@ class HydraulicSupply(Schema):
     relief_pressure: Positive
     tank_pressure: Annotated[float, Field(ge=0)]
     pump_flow: Positive
+    load_sensing: LoadSensing | None = None
 
 
 class Machine(Schema):

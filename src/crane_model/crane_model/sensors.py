@@ -28,10 +28,27 @@ def _converted(pressure: Array, full_scale: float, step: float) -> Array:
     return shown
 
 
+class InertialSensor(Schema):
+    """The pitch of a link by an inertial measurement unit (IMU).
+
+    The angle of a joint is its link's pitch less that of the link before with such a sensor.
+    """
+
+    bias: float  # rad, that calibration left
+    noise: NonNegative  # rad, rms
+    latency: NonNegative  # s, by which what it shows is old
+    vibration: NonNegative  # rad, amplitude of what shakes the link
+    frequency: Positive  # Hz, of it
+
+
 class SensorChain(Schema):
-    """Encoders, pressure transducers with their converter, and the clock that samples them."""
+    """Encoders, pressure transducers with their converter, and the clock that samples them.
+
+    Joints with an `inertial` sensor have no encoder: their resolution is that of the bus.
+    """
 
     encoder_resolution: dict[str, Positive]  # of each joint, one count [rad or m]
+    inertial: dict[str, InertialSensor] = {}  # in the order of the joints
     pressure_noise: NonNegative  # Pa, rms before the converter
     pressure_range: Positive  # Pa, full scale; readings saturate at 0 and here
     pressure_bits: Annotated[int, Field(ge=8, le=24)]
@@ -62,6 +79,23 @@ class SensorChain(Schema):
     def counts(self, joints: Sequence[str]) -> Array:
         """(j,) one count of the encoder of each joint [rad, m]."""
         return np.array([self.encoder_resolution[joint] for joint in joints])
+
+    def position_noise(self, joints: Sequence[str]) -> Array:
+        """(j,) standard deviation of what each joint's position shows [rad, m]: rounding, and of
+        inertial sensors their noise and vibration.
+        """
+        power = self.counts(joints) ** 2 / 12.0
+        before: InertialSensor | None = None
+        for i, joint in enumerate(joints):
+            own = self.inertial.get(joint)
+            if own is None:
+                continue
+            for sensor in (own, before):
+                if sensor is not None:
+                    power[i] += sensor.noise**2 + sensor.vibration**2 / 2.0
+            before = own
+        noise: Array = np.sqrt(power)
+        return noise
 
     def measure_pressure(self, rng: np.random.Generator, pressure: Array) -> Array:
         """Transducer readings of any shape [Pa]: noise, saturation, quantisation."""

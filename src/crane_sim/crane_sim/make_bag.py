@@ -47,6 +47,7 @@ from crane_sim.plant.closed_loop import REST_S, Course, SimulatedRecording, Step
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Build, Sensors
 from crane_sim.sensor_faults import Faults, parse
+from crane_sim.work import Joysticks, WorkShift, load_work
 from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND, controller
 from crane_trajectory.control.controller import Controller, Gains, load_gains
 from crane_trajectory.motion.check import load_clearance
@@ -55,6 +56,7 @@ from crane_trajectory.motion.periodic import load_trajectory
 
 STARTED = datetime(2025, 1, 1, tzinfo=UTC)  # fixed, so that the same seed gives the same bag
 
+LEAST_WORK_S = 20.0
 MAX_RUNNING_S = 1e7  # that a machine runs, four months
 
 
@@ -97,7 +99,6 @@ def write_bag(
         states = bag.add_arrays(JOINT_STATES, machine.joint_names)
         cylinders = bag.add_arrays(CYLINDER_PRESSURES, recording.cylinders)
         commands = bag.add_arrays(VALVE_COMMAND, machine.joint_names)
-        references = bag.add_arrays(JOINT_REFERENCE, machine.joint_names)
         text = bag.store.types[ROBOT_DESCRIPTION.msgtype](data=urdf(machine))
         description.write(int(stamps[0]), text)
         series = {
@@ -109,8 +110,9 @@ def write_bag(
                 pressures.tank,
             ),
             commands: (recording.command,),
-            references: reference[:3],
         }
+        if np.isfinite(reference.position).any():  # an operator follows none
+            series[bag.add_arrays(JOINT_REFERENCE, machine.joint_names)] = reference[:3]
         bag.write_together(stamps, series)
 
 
@@ -190,8 +192,9 @@ def date(text: str) -> datetime:
 class _Request:
     """The command line."""
 
-    trajectory: Path
-    periods: int
+    trajectory: Path | None
+    periods: int | None
+    work: float | None
     seed: int
     out: Path
     plant: Path | None
@@ -207,10 +210,16 @@ class _Request:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make a bag with the simulated crane: approach, N periods of a trajectory, and stop."""
+    """Make a bag with the simulated crane: N periods of a trajectory, or an operator at work."""
     parser = cli.command_line(description=main.__doc__)
-    parser.add_argument("--trajectory", type=Path, required=True, help="coefficients of (32), YAML")
-    parser.add_argument("--periods", type=whole(1), required=True, help="whole periods to record")
+    parser.add_argument("--trajectory", type=Path, help="coefficients of (32), YAML")
+    parser.add_argument("--periods", type=whole(1), help="whole periods to record")
+    parser.add_argument(
+        "--work",
+        type=between(LEAST_WORK_S, MAX_RUNNING_S),
+        metavar="SECONDS",
+        help="in place of a trajectory: an operator at the joysticks, by work.yaml of the machine",
+    )
     parser.add_argument("--seed", type=whole(0), default=0, help="of sensor noise and jitter")
     parser.add_argument("--out", type=Path, required=True, help="folder of the new bag")
     add_plant(parser)
@@ -255,19 +264,30 @@ def main(argv: Sequence[str] | None = None) -> int:
     if (request.model is None) != (request.law == PD_DEAD_BAND):
         parser.error(f"--law and --model: every law but {PD_DEAD_BAND} needs a model")
 
+    if (request.work is None) == (request.trajectory is None):
+        parser.error("--trajectory and --work: give one of them")
+    if (request.periods is None) != (request.trajectory is None):
+        parser.error("--trajectory and --periods: give both or none")
+    if request.work is not None and request.law != PD_DEAD_BAND:
+        parser.error("--work and --law: an operator leads the machine, no controller")
+
     def progress(cycles: Iterable[int]) -> Iterable[int]:
         return progress_bar(request.out.name, over=cycles)
 
     def body() -> None:
         cli.check_out(request.out)
         machine, parameters = load_both(request.machine, request.plant)
-        motion = plan(
-            machine,
-            load_trajectory(machine_file("", request.machine, request.trajectory)),
-            parameters.start,
-            request.periods,
-            load_clearance(machine_file("clearance.yaml", request.machine)),
-        )
+        motion: Course
+        if request.trajectory is not None and request.periods is not None:
+            motion = plan(
+                machine,
+                load_trajectory(machine_file("", request.machine, request.trajectory)),
+                parameters.start,
+                request.periods,
+                load_clearance(machine_file("clearance.yaml", request.machine)),
+            )
+        else:
+            motion = WorkShift(parameters.start, request.work or LEAST_WORK_S)
         duration = motion.duration + 2.0 * REST_S
         for text in request.fault:
             if (onset := parse(text, machine).onset or 0.0) >= duration:
@@ -277,7 +297,12 @@ def main(argv: Sequence[str] | None = None) -> int:
                 )
         gains = load_gains(machine_file("controller.yaml", request.machine, request.gains), machine)
         model = load_model(request.model) if request.model else None
-        led = controller(request.law, machine, gains.arrays, model) if model else None
+        led: Controller | None = None
+        if isinstance(motion, WorkShift):
+            cycle = load_work(machine_file("work.yaml", request.machine), machine)
+            led = Joysticks(machine, cycle, request.seed, motion.duration)
+        elif model:
+            led = controller(request.law, machine, gains.arrays, model)
         effects: tuple[InjectedForm, ...] = ()
         if request.inject is not None and request.ground_truth is not None:
             check_place(request.ground_truth, request.out)

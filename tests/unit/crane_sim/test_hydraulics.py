@@ -137,7 +137,7 @@ def test_spool_is_of_second_order_at_any_step(
 
 def test_pump_is_limited_and_relief_opens(oil: Oil) -> None:
     """No delivery at the set pressure, all of it below the droop; relief only above its limit."""
-    assert pump_flow(oil, oil.set_pressure) == 0.0
-    assert pump_flow(oil, oil.set_pressure - 2 * oil.droop) == oil.pump_flow
-    assert relief_flow(oil, oil.relief_pressure) == 0.0
-    assert relief_flow(oil, oil.relief_pressure + 1e6) > 0.0
+    assert pump_flow(oil, oil.set_pressure, 0.0) == 0.0
+    assert pump_flow(oil, oil.set_pressure - 2 * oil.droop, 0.0) == oil.pump_flow
+    assert relief_flow(oil, oil.relief_pressure, 0.0) == 0.0
+    assert relief_flow(oil, oil.relief_pressure + 1e6, 0.0) > 0.0

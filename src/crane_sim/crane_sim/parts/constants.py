@@ -191,6 +191,7 @@ def _pack_valves(parameters: SimulatedCrane, machine: Machine) -> np.ndarray:
 
 def _pack_oil(parameters: SimulatedCrane, machine: Machine) -> Oil:
     hydraulics, supply = machine.hydraulics, parameters.supply
+    sensing = hydraulics.load_sensing
     return Oil(
         bulk_modulus=parameters.oil.bulk_modulus,
         laminar_drop=parameters.oil.laminar_drop,
@@ -202,6 +203,10 @@ def _pack_oil(parameters: SimulatedCrane, machine: Machine) -> Oil:
         relief_pressure=hydraulics.relief_pressure,
         relief_gain=supply.relief_gain,
         tank_pressure=hydraulics.tank_pressure,
+        port_relief=supply.port_relief,
+        load_sensing=sensing is not None,
+        margin=sensing.margin if sensing else 0.0,
+        power=sensing.power if sensing else 0.0,
     )
 
 

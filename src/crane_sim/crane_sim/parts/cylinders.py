@@ -91,6 +91,10 @@ class Oil(NamedTuple):
     relief_pressure: float  # Pa, where the relief valve opens
     relief_gain: float  # m3/s/Pa
     tank_pressure: float  # Pa
+    port_relief: float  # Pa, where that of a chamber opens
+    load_sensing: bool  # whether pump and valves follow the highest load; see `load_pressure`
+    margin: float  # Pa above it
+    power: float  # W, most that the pump takes
 
 
 @njit(cache=True, error_model="numpy")
@@ -171,29 +175,67 @@ def chamber_step(
     """Chamber pressure after one step, and the valve flow that went in meanwhile.
 
     p' = beta / V (Q - V' - leakage (p - p_other)): what flows in fills the volume, is compressed
-    or leaks. `growth` is V'. Linearly implicit in p, so that a small chamber behind a wide
-    orifice stays stable.
+    or leaks, or leaves through the relief valve of the port. `growth` is V'. Linearly implicit in
+    p, so that a small chamber behind a wide orifice stays stable.
     """
     if p < oil.tank_pressure:
         root, check_slope = signed_root(oil.tank_pressure - p, oil.laminar_drop)
         flow += oil.check_valve_gain * root
         slope -= oil.check_valve_gain * check_slope
+    over = oil.relief_gain * max(p - oil.port_relief, 0.0)
+    over_slope = oil.relief_gain if over > 0.0 else 0.0
     elasticity = step * oil.bulk_modulus / volume
-    change = elasticity * (flow - growth - leakage * (p - p_other))
-    change /= 1.0 - elasticity * (slope - leakage)
+    change = elasticity * (flow - over - growth - leakage * (p - p_other))
+    change /= 1.0 - elasticity * (slope - over_slope - leakage)
     return p + change, flow + slope * change
 
 
-@njit(cache=True, error_model="numpy")
-def pump_flow(oil: Oil, p_supply: float) -> float:
-    """Delivery of the pressure-controlled pump, from none to all it can."""
-    return oil.pump_flow * min(max((oil.set_pressure - p_supply) / oil.droop, 0.0), 1.0)
+COMPENSATOR_DROOP_PA = 2.0e8  # at which a compensator would pass nothing; far above any pressure
 
 
 @njit(cache=True, error_model="numpy")
-def relief_flow(oil: Oil, p_supply: float) -> float:
-    """Flow that the relief valve returns to tank."""
-    return oil.relief_gain * max(p_supply - oil.relief_pressure, 0.0)
+def compensated_flow(
+    oil: Oil, conductance: float, p_supply: float, p_load: float, p: float
+) -> tuple[float, float]:
+    """As `port_flow`, of an edge that feeds with a compensator behind it (flow sharing).
+
+    The drop at the edge is the supply over the highest load `p_load` [Pa], that of all edges that
+    feed. A real compensator passes a little less the higher the pressure behind it. A check valve
+    keeps the oil of a chamber that is above the supply.
+    """
+    if p >= p_supply:
+        return 0.0, 0.0
+    root, slope = signed_root(max(p_supply - max(p_load, p), 0.0), oil.laminar_drop)
+    kept = max(1.0 - p / COMPENSATOR_DROOP_PA, 0.0)
+    slope = -slope * kept if p >= p_load else 0.0
+    return conductance * root * kept, conductance * (slope - root / COMPENSATOR_DROOP_PA)
+
+
+@njit(cache=True, error_model="numpy")
+def set_pressure(oil: Oil, p_load: float) -> float:
+    """Where the pump delivers nothing [Pa]: its own, or with load sensing above the load."""
+    if not oil.load_sensing:
+        return oil.set_pressure
+    return min(p_load + oil.margin + 0.5 * oil.droop, oil.set_pressure)
+
+
+@njit(cache=True, error_model="numpy")
+def pump_flow(oil: Oil, p_supply: float, p_load: float) -> float:
+    """Delivery of the pressure-controlled pump, from none to all it can: flow or power."""
+    most = oil.pump_flow
+    if oil.load_sensing:
+        most = min(most, oil.power / max(p_supply, oil.margin))
+    short = (set_pressure(oil, p_load) - p_supply) / oil.droop
+    return most * min(max(short, 0.0), 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def relief_flow(oil: Oil, p_supply: float, p_load: float) -> float:
+    """Flow that relief valve, or with load sensing the unloading valve, returns to tank."""
+    opens = oil.relief_pressure
+    if oil.load_sensing:
+        opens = min(opens, set_pressure(oil, p_load) + 0.5 * oil.droop)
+    return oil.relief_gain * max(p_supply - opens, 0.0)
 
 
 # Joint friction by the report's law (13), set-valued at standstill, or by a dynamic law (LuGre).

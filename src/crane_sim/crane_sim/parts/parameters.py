@@ -96,7 +96,10 @@ class Edges(Schema):
 
 
 class SimulatedValve(Schema):
-    """A servo valve: second-order spool, overlap, four metering edges."""
+    """A valve: dead time, second-order spool, overlap, four metering edges.
+
+    The dead time falls from `dead_time + cold_dead_time` to `dead_time` as the machine warms up.
+    """
 
     rated_flow: Positive  # m3/s, fully open
     rated_drop: Positive  # Pa over one metering edge
@@ -105,6 +108,8 @@ class SimulatedValve(Schema):
     rate_limit: Positive  # strokes per s
     dead_band: Fraction  # of the stroke, to either side of the null
     null_bias: float = 0.0  # of the stroke, positive moves the joint up: where the null lies
+    dead_time: NonNegative = 0.0  # s, of a warm machine, from a command to the spool
+    cold_dead_time: NonNegative = 0.0  # s, that a cold one has more
     edges: Edges = Edges()
 
     @model_validator(mode="after")
@@ -128,10 +133,11 @@ class CylinderInside(Schema):
 
 
 class SimulatedOil(Schema):
-    """How stiff the oil is, and below which pressure drop its flow is laminar."""
+    """How stiff the oil is, where its flow is laminar, and how long it takes to warm up."""
 
     bulk_modulus: Positive  # Pa, with hoses and air
     laminar_drop: Positive  # Pa, below it an orifice is laminar
+    warming: Positive = 1200.0  # s, time constant
 
 
 class Supply(Schema):
@@ -141,6 +147,9 @@ class Supply(Schema):
     pump_droop: Positive  # Pa from no delivery to all of it
     relief_gain: Positive  # m3/s/Pa
     check_valve_gain: NonNegative  # m3/s/sqrt(Pa), make-up flow into a chamber below tank pressure
+    port_relief: Positive = (
+        1e12  # Pa, where relief valves of the chambers open; 1e12: there are none
+    )
 
 
 class SimulatedCrane(Schema):

@@ -16,6 +16,7 @@ from crane_sim.parts.borrowed import borrowed
 from crane_sim.parts.constants import Constants, Scratch, State, at_rest, pack, room
 from crane_sim.parts.cylinders import (
     chamber_step,
+    compensated_flow,
     conductances,
     opening,
     port_flow,
@@ -27,6 +28,7 @@ from crane_sim.parts.cylinders import (
     step_set_valued,
     stop_force,
 )
+from crane_sim.parts.dead_time import DeadTime
 from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.parts.rigid_bodies import mass_and_bias
 
@@ -84,12 +86,28 @@ def _move(
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
+def load_pressure(constants: Constants, state: State) -> float:
+    """The highest pressure of the chambers that valves feed [Pa]; the tank's if none is open."""
+    highest = constants.oil.tank_pressure
+    for i in range(len(state.q)):
+        actuator, valve = state.actuators[i], constants.valves[i]
+        x = opening(actuator.spool - valve.null, valve.dead_zone)
+        if x > 0.0:
+            highest = max(highest, actuator.p_a)
+        elif x < 0.0:
+            highest = max(highest, actuator.p_b)
+    return highest
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _fill(
     constants: Constants, injected: Injected | None, state: State, growth: np.ndarray, step: float
 ) -> None:
     """Chamber and supply pressures from valve openings and piston speeds `growth` (j,)."""
     oil, supply = constants.oil, state.supply[0]
-    drawn = 0.0
+    drawn, load = 0.0, oil.tank_pressure
+    if oil.load_sensing:
+        load = load_pressure(constants, state)
     for i in range(len(state.q)):
         cylinder, valve = constants.cylinders[i], constants.valves[i]
         actuator = state.actuators[i]
@@ -108,7 +126,10 @@ def _fill(
         volume = cylinder.dead_volume_a + cylinder.filled_a * (
             actuator.length - cylinder.length_min
         )
-        flow, slope = port_flow(oil, open_a, supply, p_a)
+        if oil.load_sensing and open_a > 0.0:
+            flow, slope = compensated_flow(oil, open_a, supply, load, p_a)
+        else:
+            flow, slope = port_flow(oil, open_a, supply, p_a)
         actuator.p_a, flow_a = chamber_step(
             oil, p_a, p_b, flow, slope, leakage, softer_a * volume,
             cylinder.area_a * growth[i], step,
@@ -118,7 +139,10 @@ def _fill(
         volume = cylinder.dead_volume_b + cylinder.filled_b * (
             cylinder.length_max - actuator.length
         )
-        flow, slope = port_flow(oil, open_b, supply, p_b)
+        if oil.load_sensing and open_b > 0.0:
+            flow, slope = compensated_flow(oil, open_b, supply, load, p_b)
+        else:
+            flow, slope = port_flow(oil, open_b, supply, p_b)
         actuator.p_b, flow_b = chamber_step(
             oil, p_b, p_a, flow, slope, leakage, softer_b * volume,
             -cylinder.area_b * growth[i], step,
@@ -127,7 +151,7 @@ def _fill(
             drawn += flow_a
         elif x < 0.0:
             drawn += flow_b
-    supplied = pump_flow(oil, supply) - relief_flow(oil, supply)
+    supplied = pump_flow(oil, supply, load) - relief_flow(oil, supply, load)
     state.supply[0] += step * oil.bulk_modulus / oil.supply_volume * (supplied - drawn)
 
 
@@ -214,6 +238,7 @@ class Plant:
         self._injected = packed(effects, machine, running)
         self._scratch = room(self._constants.friction)
         self._step = parameters.step
+        self._dead_time = DeadTime(parameters)
         self._state = self._at_rest(np.array(q0, dtype=float))
 
     def advance(self, command: np.ndarray, duration: float) -> None:
@@ -225,12 +250,15 @@ class Plant:
         command = np.ascontiguousarray(command, dtype=float)
         if not all(map(math.isfinite, command.tolist())):  # np.isfinite costs more for a few joints
             raise RangeError(f"valve command {command}: must be finite, in -1..1 for each joint")
-        count = max(1, math.ceil(duration / self.parameters.step - 1e-6))
-        self._step = duration / count
-        advance(
-            self._constants, self._injected, self._state, self._scratch, command, self._step, count
-        )
-        self.time += duration
+        end = self.time + duration
+        for length, heard in self._dead_time.heard(command, self.time, duration):
+            count = max(1, math.ceil(length / self.parameters.step - 1e-6))
+            self._step = length / count
+            advance(
+                *(self._constants, self._injected, self._state, self._scratch),
+                *(heard, self._step, count),
+            )
+        self.time = end
         if not all(map(math.isfinite, self._state.q.tolist())):
             raise RangeError(
                 f"plant: a linkage was forced open before t = {self.time:.4f} s; stiffen the end "

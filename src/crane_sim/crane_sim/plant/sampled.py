@@ -9,6 +9,7 @@ from numba import njit
 from crane_model.machine import Machine
 from crane_model.sensors import SensorChain, in_counts
 from crane_sim.effects.form import InjectedForm, SensorFault, measured_joints
+from crane_sim.parts.inertial import InertialSensors
 from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.sensor_faults import Faults
 
@@ -114,6 +115,7 @@ class Sensors:
         self._wrong = (*faults, *flaws)
         self.timed = timed or Faults(machine)
         self._rng = np.random.default_rng(seed)
+        self._inertial = InertialSensors(chain, machine, seed)
         self._counts = chain.counts(machine.joint_names)
         self.cylinders = measured_joints(machine)
         self._fitted = np.array([machine.index(joint) for joint in self.cylinders], dtype=int)
@@ -123,7 +125,8 @@ class Sensors:
         return self._chain.sample_times(self._rng, start, count)
 
     def positions(self, q: np.ndarray, time: float = 0.0) -> np.ndarray:
-        """Encoder readings of the coordinates (j,) [rad, m] at a time [s]."""
+        """Readings of the coordinates (j,) [rad, m] at a time [s]; times rise."""
+        q = self._inertial.shown(q, time)
         for fault in self._wrong:
             q = fault.positions(q)
         read = in_counts(q, self._counts)
