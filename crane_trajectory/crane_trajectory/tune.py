@@ -14,7 +14,7 @@ from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import progress_bar
-from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND, controller
+from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND, PREDICTIVE, controller
 from crane_trajectory.control.controller import (
     ControlCondition,
     Controller,
@@ -23,6 +23,7 @@ from crane_trajectory.control.controller import (
     Wanted,
     load_gains,
 )
+from crane_trajectory.control.dead_time import LEAST_MARGINS, PredictiveFlow
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
@@ -217,6 +218,9 @@ def _tune(options: TuneRequest) -> None:
     machine, _ = identified(model)
     name = options.machine
     gains = load_gains(machine_file("controller.yaml", name, options.controller), machine).arrays
+    if options.law == PREDICTIVE:
+        _tell_margins(controller(options.law, machine, gains, model, options.feedback_scale))
+        return
     trajectory = load_trajectory(machine_file("", name, options.trajectory))
     motion = _motion(machine, trajectory, machine_file("clearance.yaml", name))
 
@@ -245,6 +249,18 @@ def _tune(options: TuneRequest) -> None:
         if swinging
         else "margins suffice, also both at once"
     )
+
+
+def _tell_margins(predictive: Controller) -> None:
+    """Print those of loops with dead time, which are calculated; `MarginError` if they lack."""
+    assert isinstance(predictive, PredictiveFlow)
+    print("\n".join(predictive.margin_lines()))
+    if lacking := predictive.lacking():
+        gain, phase, delay = LEAST_MARGINS
+        raise MarginError(
+            f"{', '.join(lacking)}: too near to swinging; wanted are {gain:g} times the gain, "
+            f"{phase:g} degree and {delay:.0%} of the lag. Lower --feedback-scale"
+        )
 
 
 def _motion(machine: Machine, trajectory: PeriodicTrajectory, clearance: Path) -> Motion:

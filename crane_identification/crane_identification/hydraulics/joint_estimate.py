@@ -327,9 +327,9 @@ def _shared(found: Sequence[JointFit]) -> list[list[tuple[BalanceFit, ChamberRow
 
 # One pump that all valves share, with load sensing and flow sharing.
 #
-# All edges that feed have the same drop, p_S - p_L, where p_L is the highest pressure of the chambers
-# that are fed: the margin of the pump, and less where it is at its limit. Which chambers are fed, the
-# openings of all valves tell, so that they are found first with the margin as their drop.
+# All edges that feed have the same drop, p_S - p_L, where p_L is the highest pressure of the
+# chambers that are fed: the margin of the pump, and less if it is at its limit. The openings of all
+# valves tell which chambers are fed, so valves are first fitted with the margin as their drop.
 
 SHARING_ROUNDS = 2  # of valves from loads, and loads from valves
 

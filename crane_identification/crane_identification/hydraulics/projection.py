@@ -39,7 +39,7 @@ STARTS = (
     *product((0.01, 0.03, 0.08), (0.005, 0.02, 0.04, 0.06, 0.09, 0.13, 0.2)),
     *product((0.16, 0.24, 0.32, 0.45), (0.02, 0.06, 0.13)),
 )
-"""Lags [s] and dead bands that are tried before the search: of servo valves, of pilot-operated ones."""
+"""Lags [s] and dead bands that are tried before the search: servo, then pilot-operated valves."""
 # Steps of the search at most, which takes five where the flow follows the valve
 MOST_SEARCH_STEPS = 30
 WHITENING_ROUNDS = 3  # of the whitening

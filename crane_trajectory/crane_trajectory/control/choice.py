@@ -19,6 +19,7 @@ from crane_trajectory.control.controller import (
     Wanted,
     WrappedController,
 )
+from crane_trajectory.control.dead_time import PredictiveFlow
 from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
 from crane_trajectory.control.valves_and_oil import identified
 
@@ -39,7 +40,8 @@ OF_THE_MODEL = {
     "computed_force": ModelLaw(by_force=True),
 }
 """Those that need an identified model."""
-NAMES = (PD_DEAD_BAND, *OF_THE_MODEL)
+PREDICTIVE = "predictive_flow"
+NAMES = (PD_DEAD_BAND, *OF_THE_MODEL, PREDICTIVE)
 MAY_LEARN = ("flow_feedforward", "flow_and_pressures")
 
 COURSE_STEP = 0.005  # s, of the learnt course
@@ -204,7 +206,7 @@ def controller(
     rest = PdDeadBand(gains)
     if name == PD_DEAD_BAND:
         return rest
-    if name not in OF_THE_MODEL:
+    if name not in NAMES:
         raise ConfigurationError(f"no controller '{name}'; there are {', '.join(NAMES)}")
     if model is None or model.values is None or model.hydraulics is None:
         raise ConfigurationError(
@@ -218,6 +220,8 @@ def controller(
             f"{machine.name}, as its file has it now; identify it again"
         )
     known = model.hydraulics
+    if name == PREDICTIVE:
+        return PredictiveFlow(machine, model, known, scale)
     joints = tuple(joint for joint in machine.joint_names if joint in known.joints)
     feedback = feedback_gains(machine, model, scale, joints)
     hydraulics = identified(machine, known, joints)

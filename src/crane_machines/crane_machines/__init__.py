@@ -2,7 +2,8 @@
 
 machine.yaml, and what the suite needs to know of the machine beside its geometry: model.yaml,
 joints.yaml, sensors.yaml, can.yaml and can.dbc, safety.yaml, controller.yaml, clearance.yaml,
-design.yaml, its trajectories, hydraulics.yaml, and simulated_crane.yaml of the simulated one.
+design.yaml, its trajectories, hydraulics.yaml, and simulated_crane.yaml of the simulated one. work.yaml, if it is there, is a cycle
+of work for an operator.
 """
 
 from importlib.resources import files

@@ -9,7 +9,7 @@ from crane_benchmark.measured import MeasuredRow, of_joints
 from crane_benchmark.study.following import AHEAD, HYDRAULIC_AIMS, TRAINED, Followed
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND
+from crane_trajectory.control.choice import OF_THE_MODEL, PD_DEAD_BAND
 from crane_trajectory.excitation.criterion import information, one_period, relative_std_devs
 from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.motion.periodic import FourierTrajectory
@@ -45,7 +45,7 @@ def following_rows(followed: Followed) -> Iterator[MeasuredRow]:
             values={f"ahead_{horizon:g}_{joint}": share for joint, share in shares.items()},
         )
     for name, by_law in followed.rms.items():
-        for law in NAMES:
+        for law in (PD_DEAD_BAND, *OF_THE_MODEL):
             yield _law_row(name, law, by_law[law], by_law[PD_DEAD_BAND], followed.joints)
 
 

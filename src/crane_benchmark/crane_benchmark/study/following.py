@@ -20,7 +20,7 @@ from crane_sim.make_bag import write_bag
 from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.closed_loop import REST_S, LatePlant, SimulatedRecording, mean_delay, record
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND, controller
+from crane_trajectory.control.choice import OF_THE_MODEL, PD_DEAD_BAND, controller
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion, plan
@@ -31,7 +31,8 @@ AHEAD = {1.0: 0.002, 5.0: 0.001}
 TRAINED, UNSEEN = "excitation_20s", "validation_20s"
 SEED = 201
 DRIVEN = 2  # periods by each controller
-FOLLOWING_STEPS = 3 + 2 * len(NAMES)
+LAWS = (PD_DEAD_ZONE, *OF_THE_MODEL)
+FOLLOWING_STEPS = 3 + 2 * len(LAWS)
 """How often `follow` calls `advance`."""
 
 
@@ -131,7 +132,7 @@ def follow(
     model, rms = load_model(out / "identified" / "model.yaml"), Errors()
     for name in (TRAINED, UNSEEN):
         rms[name] = {}
-        for law in NAMES:
+        for law in LAWS:
             rms[name][law] = _led(name, DRIVEN, SEED + 2, law, model).rms
             advance()
     summary = json.loads((out / "identified" / "summary.json").read_text(encoding="utf-8"))
