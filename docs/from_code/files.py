@@ -19,6 +19,7 @@ from crane_model.sensors import SensorChain
 from crane_nodes.joint_notes import JointNotes
 from crane_sim.ground_truth import Spec
 from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim.work import WorkCycle
 from crane_trajectory.control.controller import Gains
 from crane_trajectory.excitation.limits import DesignSettings
 from crane_trajectory.motion.check import Clearance
@@ -62,6 +63,8 @@ KINDS = (
          machine_file("sensors.yaml")),
     Kind("Simulated crane", "All that the simulated crane is.", SimulatedCrane,
          machine_file("simulated_crane.yaml")),
+    Kind("Work", "The poses of an operator's work cycle, for `make_bag --work`.", WorkCycle,
+         machine_file("work.yaml", "field_excavator")),
     Kind("Injected effects", "See [Inject an effect](../../developers/injected_effects.md).", Spec),
 )  # fmt: skip
 INTRODUCTION = """# Input files

@@ -83,7 +83,6 @@ def test_dead_times(field: Field, measured: Measured) -> None:
     errors = {}
     for joint, known in hydraulics.joints.items():
         true = hydraulics_of(field.simulated, field.machine, joint)["lag"]
-        true += field.simulated.valves[joint].dead_time
         sensor = field.simulated.sensors.inertial.get(joint)
         true += sensor.latency if sensor else 0.0
         errors[joint] = known.valve.lag.value - true

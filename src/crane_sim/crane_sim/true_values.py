@@ -38,7 +38,7 @@ from crane_sim.parts.parameters import SimulatedCrane
 
 
 def hydraulics_of(parameters: SimulatedCrane, machine: Machine, joint: str) -> dict[str, float]:
-    """By name [SI]. The gain of a fully open edge depends on where the null of the spool lies: the
+    """By name [SI], of a warm machine. The gain of a fully open edge depends on where the null of the spool lies: the
     way from the edge to full stroke is longer on one side of it.
     """
     valve, inside = parameters.valves[joint], parameters.cylinders[joint]
@@ -52,7 +52,7 @@ def hydraulics_of(parameters: SimulatedCrane, machine: Machine, joint: str) -> d
         "dead_band_a": dead_a,
         "dead_band_b": dead_b,
         "hysteresis": 0.0,
-        "lag": 2.0 * valve.damping_ratio / frequency,
+        "lag": valve.dead_time + 2.0 * valve.damping_ratio / frequency,
         "natural_frequency": frequency,
         "damping_ratio": valve.damping_ratio,
         "supply_a": by_a * valve.edges.supply_a,

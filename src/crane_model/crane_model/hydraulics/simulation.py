@@ -134,8 +134,15 @@ def settle(
 
 
 def circuit_of(model: Model) -> Circuit:
-    """The constants of the circuit; `ConfigurationError` names what is not identified of it."""
+    """The constants of the circuit; `ConfigurationError` names what is not identified of it, or
+    says that the pump follows the load.
+    """
     machine, known = identified(model)
+    if machine.hydraulics.load_sensing is not None:
+        raise ConfigurationError(
+            f"model '{model.name}': {machine.name} has load sensing, but the circuit needs a supply "
+            "whose pressure no load changes; use the recorded machine or crane_sim in its place"
+        )
     valves, oil = zip(*(_parts(model, known, joint) for joint in model.joints), strict=True)
     cylinders = [machine.cylinders[joint] for joint in model.joints]
     volumes = [cylinder.chambers for cylinder in cylinders]
