@@ -162,7 +162,7 @@ class PredictiveFlow:
                 "joints, or choose another controller"
             )
         known = identified(machine, hydraulics, joints)
-        self._valves = known.records()
+        self._valves = known.records().view(np.recarray)
         self.lag = np.array(known.lag)
         self.gains = tuple(predictor_gains(lag) for lag in self.lag)
         self.gains = tuple(gains._replace(kv=scale * gains.kv) for gains in self.gains)
@@ -203,7 +203,7 @@ class PredictiveFlow:
 
     def _reset(self, command: np.ndarray) -> None:
         joints = len(command)
-        self._watch = np.zeros(joints, WATCH)
+        self._watch = np.zeros(joints, WATCH).view(np.recarray)
         self._time, self._last = 0.0, np.array(command, dtype=float)
         self._position: np.ndarray | None = None
         self._disturbance = np.zeros(joints)

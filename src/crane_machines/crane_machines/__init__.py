@@ -2,8 +2,8 @@
 
 machine.yaml, and what the suite needs to know of the machine beside its geometry: model.yaml,
 joints.yaml, sensors.yaml, can.yaml and can.dbc, safety.yaml, controller.yaml, clearance.yaml,
-design.yaml, its trajectories, hydraulics.yaml, simulated_crane.yaml of the simulated one, and work.yaml
-if an operator is to work with it.
+design.yaml, its trajectories, hydraulics.yaml, simulated_crane.yaml of the simulated one, and
+work.yaml if an operator is to work with it.
 """
 
 from importlib.resources import files

@@ -38,8 +38,8 @@ from crane_sim.parts.parameters import SimulatedCrane
 
 
 def hydraulics_of(parameters: SimulatedCrane, machine: Machine, joint: str) -> dict[str, float]:
-    """By name [SI], of a warm machine. The gain of a fully open edge depends on where the null of the spool lies: the
-    way from the edge to full stroke is longer on one side of it.
+    """By name [SI], of a warm machine. The gain of a fully open edge depends on where the null of
+    the spool lies: the way from the edge to full stroke is longer on one side of it.
     """
     valve, inside = parameters.valves[joint], parameters.cylinders[joint]
     start = parameters.start[[machine.index(joint)]]

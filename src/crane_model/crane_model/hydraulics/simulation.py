@@ -140,8 +140,8 @@ def circuit_of(model: Model) -> Circuit:
     machine, known = identified(model)
     if machine.hydraulics.load_sensing is not None:
         raise ConfigurationError(
-            f"model '{model.name}': {machine.name} has load sensing, but the circuit needs a supply "
-            "whose pressure no load changes; use the recorded machine or crane_sim in its place"
+            f"model '{model.name}': {machine.name} has load sensing, but the circuit needs a "
+            "supply whose pressure no load changes; use recordings, or the simulated crane"
         )
     valves, oil = zip(*(_parts(model, known, joint) for joint in model.joints), strict=True)
     cylinders = [machine.cylinders[joint] for joint in model.joints]
