@@ -167,7 +167,7 @@ def test_an_operator_moves_every_joint_and_leaves_no_reference(tmp_path: Path) -
     for name in ("one", "two"):
         assert main([*options, "--out", str(tmp_path / name)]) == 0
     topics = [
-        read_topics(tmp_path / name, [JOINT_STATES, VALVE_COMMAND, JOINT_REFERENCE])
+        read_topics(tmp_path / name, [JOINT_STATES, VALVE_COMMAND], [JOINT_REFERENCE])
         for name in ("one", "two")
     ]
     one, two = (read[JOINT_STATES.name] for read in topics)
