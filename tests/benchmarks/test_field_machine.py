@@ -41,7 +41,7 @@ NAME = "field_excavator"
 WORK_S = 600.0
 WARM_S = 36_000.0  # s for which the machine has been running
 DEAD_TIME_AIM, FORCE_AIM, TIP_AIM, TIMES_BETTER_AIM = 0.010, 0.03, 20.0, 5.0
-PD_SCALES = (0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
+PD_SCALES = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 LINES = {
     "away from the machine": ([0.0, 0.45, -1.75, -0.5], [1.0, 0.0, 0.0]),
     "towards it": ([0.0, 0.35, -1.2, -0.7], [-1.0, 0.0, 0.0]),
