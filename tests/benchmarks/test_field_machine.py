@@ -30,7 +30,7 @@ from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_sim.true_values import hydraulics_of, true_parameters
 from crane_trajectory.control.choice import PREDICTIVE, controller
-from crane_trajectory.control.controller import Controller, PdDeadZone, load_gains
+from crane_trajectory.control.controller import Controller, PdDeadBand, load_gains
 from crane_trajectory.control.dead_time import PredictiveFlow
 from crane_trajectory.motion.check import Clearance
 from crane_trajectory.motion.motion import Motion, plan
@@ -188,7 +188,7 @@ def test_teeth_along_a_line(field: Field, measured: Measured) -> None:
 
     def pd(scale: float) -> TipScore:
         tried = gains._replace(kp=scale * gains.kp)
-        return mean([follow(field, motion, PdDeadZone(tried)) for motion in motions])
+        return mean([follow(field, motion, PdDeadBand(tried)) for motion in motions])
 
     tuned = min((pd(scale) for scale in PD_SCALES), key=lambda score: score.behind)
     model = field.model

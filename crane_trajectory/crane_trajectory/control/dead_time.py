@@ -267,15 +267,15 @@ class PredictiveFlow:
             if not 0.5 < supply / valve.supply_pressure < 2.0:  # or not measured
                 supply = valve.supply_pressure
             fully_open = speed_under_load(valve, extends, gain_a, gain_b, load / lever, supply)
-        dead_zone = valve.dead_zone_extend if extends else valve.dead_zone_retract
-        opening = (1.0 - dead_zone) * piston / fully_open
-        y = spool(opening, dead_zone)
+        dead_band = valve.dead_band_extend if extends else valve.dead_band_retract
+        opening = (1.0 - dead_band) * piston / fully_open
+        y = spool(opening, dead_band)
         held = min(max(y, -largest), largest)
         self._codes[i] = SATURATED if held != y else FOLLOWING
         self._last[i] = valve.sense * held
         if held != y:
-            beyond = math.copysign(max(abs(held) - dead_zone, 0.0), held)
-            return float(beyond / (1.0 - dead_zone) * fully_open / lever)
+            beyond = math.copysign(max(abs(held) - dead_band, 0.0), held)
+            return float(beyond / (1.0 - dead_band) * fully_open / lever)
         return speed
 
     def _way(self, time: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:

