@@ -1,0 +1,66 @@
+"""Valves that share the flow of one pump: the drop at the edges that feed."""
+
+import numpy as np
+import pytest
+
+from crane_identification.hydraulics.balance import METERING_DROP, ChamberRows, Passage, SpoolValues
+from crane_identification.hydraulics.joint_estimate import LARGEST_DROP_MARGINS, HighestLoads
+from crane_model.machine import load_machine
+
+MARGIN, TANK, STEP_S = 2.0e6, 0.3e6, 0.02
+MACHINE = load_machine("field_excavator")
+OPEN = SpoolValues(lag=0.02, share=0.5, dead_band_a=0.1, dead_band_b=0.1, play=0.0)
+
+
+def passage(command: float) -> Passage:
+    """Ten seconds in which the boom's valve is open and its chamber A at 10 MPa."""
+    time = STEP_S * np.arange(500)
+    pressures = {"pressure_a": 1.0e7, "pressure_b": 1.0e6, "supply_pressure": 1.5e7,
+                 "tank_pressure": TANK}  # fmt: skip
+    return Passage(
+        source="bag",
+        step=STEP_S,
+        time=time,
+        length=2.5 + 0.1 * time / time[-1],
+        counts=np.arange(500.0),
+        resolution=np.full(500, 1e-4),
+        pressures={name: np.full(500, value) for name, value in pressures.items()},
+        stamps=time,
+        commands=np.full(500, command),
+    )
+
+
+def test_the_drop_is_supply_over_the_highest_load() -> None:
+    """Which another joint has; above the supply, a load leaves none."""
+    time = np.array([0.0, 4.0, 4.001, 8.0, 8.001, 20.0])
+    load = np.array([1.35e7, 1.35e7, 1.6e7, 1.6e7, 0.3e6, 0.3e6])
+    shared = HighestLoads(MARGIN, {"bag": (time, load)}).shared(passage(0.5))
+    drop = shared.pressures[METERING_DROP]
+    assert drop[100] == pytest.approx(1.5e6)
+    assert drop[300] == 0.0
+    assert drop[450] == LARGEST_DROP_MARGINS * MARGIN
+
+
+def test_a_recording_of_which_no_load_is_known_has_the_margin() -> None:
+    drop = HighestLoads(MARGIN, {}).shared(passage(0.5)).pressures[METERING_DROP]
+    assert (drop == MARGIN).all()
+
+
+@pytest.mark.parametrize(("command", "edge"), [(0.5, 0), (-0.5, 2)])
+def test_edges_that_feed_pass_by_that_drop_and_returns_by_their_own(
+    command: float, edge: int
+) -> None:
+    """Chamber A is fed by the supply edge of A and B returns; the other way round, likewise."""
+    time = np.array([0.0, 20.0])
+    cylinder = MACHINE.cylinders["boom"]
+    flows = []
+    for load in (1.4e7, 1.3e7):
+        loads = HighestLoads(MARGIN, {"bag": (time, np.full(2, load))})
+        rows = ChamberRows(loads.shared(passage(command)), cylinder)
+        columns = rows.columns(OPEN)[len(rows.time) // 2]
+        flows.append(columns[:, :4].sum(axis=0))
+    first, second = flows
+    assert second[edge] / first[edge] == pytest.approx(2.0**0.5, rel=0.02)
+    returns = 3 if edge == 0 else 1
+    assert second[returns] == pytest.approx(first[returns])
+    assert first[returns] < 0.0 < first[edge]
