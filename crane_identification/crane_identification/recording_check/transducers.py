@@ -111,7 +111,9 @@ def _unit(highest: float, supply: float) -> str:
 
 def _supply(machine: Machine, signal: Signal) -> Iterator[Suspicion]:
     seen, stated = float(np.nanmedian(signal.value)), machine.hydraulics.supply_pressure
-    if not SUPPLY[0] * stated <= seen <= SUPPLY[1] * stated:
+    sensing = machine.hydraulics.load_sensing  # follows the loads, from half its margin on
+    least = 0.5 * sensing.margin if sensing else SUPPLY[0] * stated
+    if not least <= seen <= SUPPLY[1] * stated:
         unit = _unit(seen, stated)
         yield Suspicion(
             "supply pressure",

@@ -54,7 +54,7 @@ def test_edges_that_feed_pass_by_that_drop_and_returns_by_their_own(
     time = np.array([0.0, 20.0])
     cylinder = MACHINE.cylinders["boom"]
     flows = []
-    for load in (1.4e7, 1.3e7):
+    for load in (1.35e7, 1.2e7):
         loads = HighestLoads(MARGIN, {"bag": (time, np.full(2, load))})
         rows = ChamberRows(loads.shared(passage(command)), cylinder)
         columns = rows.columns(OPEN)[len(rows.time) // 2]
