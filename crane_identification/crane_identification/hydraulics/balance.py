@@ -47,7 +47,6 @@ SPOILT = 0.5  # s at both ends of a passage that the filter's memory spoils
 FINE = 5  # steps of the spool a sample
 LEAST_PRESSURE = 1e5  # Pa above the tank's; a chamber below is about to be empty and draws oil
 DAMPING_RATIO = 0.8  # of the spool; from slow motion only (2 D^2 - 1)/w^2 can be told
-LEAST_METERING_DROP = 1e6  # Pa; of a smaller one, coarse transducers do not tell the flow
 FASTEST = 1e-4  # s, 1/w of a spool that cannot be told from an immediate one
 LINEAR = (*EDGES, "leakage", "compliance", "softness_a", "softness_b")
 """Names of the columns: compliance 1/beta, softness V_0/beta of each chamber."""
@@ -305,8 +304,6 @@ class ChamberRows(PassageRows):
         )
         filled = np.minimum(p_a, p_b) > tank + LEAST_PRESSURE
         feeding = passage.pressures.get(METERING_DROP)
-        if feeding is not None:
-            filled &= feeding > LEAST_METERING_DROP
         super().__init__(passage, filled.astype(float))
         self._areas = np.array([cylinder.area_a, -cylinder.area_b])
         self.flow = np.outer(self.speed, self._areas)  # (n, 2)
