@@ -75,7 +75,7 @@ def test_every_command_is_heard_as_long_as_it_was_given(
 
 
 def steady_flows(plant: Plant, command: np.ndarray, seconds: float) -> np.ndarray:
-    """(j,) mean flow into the chambers that are fed, over the last quarter [m3/s]."""
+    """(j,) mean flow into the chambers that are fed, over the last half [m3/s]."""
     flows = []
     for _ in range(round(seconds / CYCLE_S)):
         plant.advance(command, CYCLE_S)
@@ -92,7 +92,7 @@ def steady_flows(plant: Plant, command: np.ndarray, seconds: float) -> np.ndarra
             for cylinder, rate in zip(cylinders, speed, strict=True)
         ]
         flows.append(np.abs(speed) * areas)
-    found: np.ndarray = np.mean(flows[-len(flows) // 4 :], axis=0)
+    found: np.ndarray = np.mean(flows[-len(flows) // 2 :], axis=0)
     return found
 
 
