@@ -511,13 +511,9 @@ def _near(near: Nearest | None) -> schema.NearestEffects | None:
 
 def _partly_seen(search: Search) -> list[schema.PartlySeen]:
     """Friction of which the used rows see little, at some value of its nonlinear parameters."""
-    least: dict[Candidate, float] = {}
-    for one in search.projection.candidates:
-        if one.term.is_friction():
-            least[one.candidate] = min(least.get(one.candidate, 1.0), one.seen**2)
     return [
         schema.PartlySeen(**dict(_effect(candidate)), seen_share=share)
-        for candidate, share in least.items()
+        for candidate, share in search.seen.items()
         if share < PARTLY_SEEN_SHARE
     ]
 
