@@ -11,6 +11,7 @@ from crane_identification.diagnosis.fit.evidence import (
     Evidence,
     beside,
     leading,
+    over_zones,
     relative,
 )
 from crane_identification.diagnosis.search.candidates import (
@@ -283,7 +284,7 @@ def strengths(search: Search, energy: np.ndarray) -> np.ndarray:
     power = (np.maximum(energy, 0.0) * variance).reshape(-1, joints).sum(axis=0)
     rows = evidence.used.reshape(len(evidence.time), -1, joints).sum(axis=(0, 1))
     rms = np.sqrt(power / np.maximum(rows, 1))
-    force = evidence.force_rms[:joints]
+    force = over_zones(evidence, evidence.force)
     return np.divide(rms, force, out=np.zeros_like(rms), where=force > 0.0)
 
 
