@@ -12,6 +12,7 @@ from crane_identification.diagnosis import findings as schema
 from crane_identification.diagnosis.answer import Answer, answered
 from crane_identification.diagnosis.decision.decision import Decision, decide
 from crane_identification.diagnosis.decision.judgement import Judged, in_place_of
+from crane_identification.diagnosis.decision.lookalikes import SENSING
 from crane_identification.diagnosis.findings import Findings, Verdict
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.fit import Fitted, fitted
@@ -50,15 +51,18 @@ from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
 from crane_model.result_file import OpenMember, OpenQuestion, OpenQuestions, QuestionKind
 from crane_model.terms import REGISTRY
+from crane_model.terms.force_scale import USUAL_SCALE_ERROR
 
 WHITE_CORRELATION = 0.25  # of neighbouring rows, up to which a residual counts as white
 LAST = -1  # place of the effect that was put into a set: it is smaller where signs forbid the rest
 NOISE_LAGS = 64  # rows after which noise is forgotten
 NEAREST_MEMBERS = 4  # effects that come closest, of an answer that the catalogue does not hold it
 PARTLY_SEEN_SHARE = 0.25  # of the energy of an effect, below which it may stay unseen
-FORM_ERROR = 0.2
+FORM_ERROR = 0.75
 """Relative error of a parameter, over the model error beyond noise relative to the visible part of
-its effect: of simulated axes with up to a fifth of the force of another form."""
+its effect. A smooth force of another form hides in the other parameters: the error is larger than
+what is left. Two of these cover in 95 % of 384 regressions with forms of four families, and in 96 %
+of 384 others."""
 PLAUSIBLE_SHARE = 0.02  # rms of a term that is not determined, over that of the force of its joint
 
 
@@ -123,13 +127,17 @@ class Diagnosis:
     def findings(self) -> tuple[Finding, ...]:
         """The effects that the model lacks, strongest first, with their parameters.
 
-        Their standard deviations take in that the form of an effect is not quite the machine's.
+        Their standard deviations take in that the form of an effect is not quite the machine's, and
+        that lengths and transducers scale the force by as much as is usual.
         """
         trial, counts = self.proof.trial, bool(self.fit.uncalibrated)
         found = []
         for one, values in zip(trial.effects, trial.values, strict=True):
-            share = 0.0 if one.shaped.candidate.drawn else self._form_error(one)
-            found.append(Finding(one, tuple(_of_form(value, share) for value in values)))
+            form = 0.0 if one.shaped.candidate.drawn else self._form_error(one)
+            scale = 0.0 if one.shaped.term.family == SENSING else USUAL_SCALE_ERROR
+            linear = len(one.shaped.positive)
+            shares = [np.hypot(form, scale if k < linear else 0.0) for k in range(len(values))]
+            found.append(Finding(one, tuple(map(_with_error, values, shares))))
         return tuple(
             replace(one, parameters=in_counts(one.parameters)) if counts else one for one in found
         )
@@ -255,7 +263,7 @@ def check_known(effects: Collection[str]) -> None:
         )
 
 
-def _of_form(value: Value, share: float) -> Value:
+def _with_error(value: Value, share: float) -> Value:
     """A parameter whose change errs by this share more than noise makes it err."""
     return replace(value, std_dev=float(np.hypot(value.std_dev, share * value.change[0])))
 
@@ -511,13 +519,9 @@ def _near(near: Nearest | None) -> schema.NearestEffects | None:
 
 def _partly_seen(search: Search) -> list[schema.PartlySeen]:
     """Friction of which the used rows see little, at some value of its nonlinear parameters."""
-    least: dict[Candidate, float] = {}
-    for one in search.projection.candidates:
-        if one.term.is_friction():
-            least[one.candidate] = min(least.get(one.candidate, 1.0), one.seen**2)
     return [
         schema.PartlySeen(**dict(_effect(candidate)), seen_share=share)
-        for candidate, share in least.items()
+        for candidate, share in search.seen.items()
         if share < PARTLY_SEEN_SHARE
     ]
 

@@ -449,7 +449,7 @@ class Findings(ResultFile):
     not_observable: list[Untried]
     """Effects of which these recordings show nothing."""
     partly_seen: list[PartlySeen] = []
-    """Friction that was tested, but of which these recordings may show too little."""
+    """Friction of which these recordings may show too little."""
     pulsations: list[FoundPulsation]
     """Lines that are the same in all recordings."""
     flow: dict[str, FlowBalance]

@@ -23,6 +23,7 @@ from crane_identification.diagnosis.decision.several import (
     best_pair,
     gain_of_few,
     on_several_joints,
+    or_lengths,
     smallest,
 )
 from crane_identification.diagnosis.decision.signatures import (
@@ -75,7 +76,7 @@ def decide(selection: ForwardSelection, thresholds: Thresholds) -> Decision:
     if start_beside(selection, passed):
         passed = _largest(_growing(selection, passed, first_threshold, thresholds), passed)
     passed, beyond = with_strange(selection.search, passed, first_threshold, thresholds)
-    passed = tuple(sorted(passed, key=lambda one: -one.score))
+    passed = or_lengths(selection.search, sorted(passed, key=lambda one: -one.score))
     if settled or first is None:
         return Decision(passed, first_threshold, (), (), beyond)
     if first.rejections and all(_shows(one, thresholds) for one in first.found):

@@ -11,6 +11,7 @@ from crane_identification.diagnosis.fit.evidence import (
     Evidence,
     beside,
     leading,
+    over_zones,
     relative,
 )
 from crane_identification.diagnosis.search.candidates import (
@@ -155,6 +156,7 @@ def _drawn(evidence: Evidence, candidate: Candidate) -> ShapedCandidate | None:
 class Search:
     """Evidence, its whitening and base, and all candidates beside it; `sets` are the best of no
     effect, of one, and so on, each size best first. `shapes` are drawn beside the selection.
+    `seen`: share of the energy of friction that used rows see, at the shape of which it is least.
     """
 
     evidence: Evidence
@@ -163,6 +165,7 @@ class Search:
     projection: Projection
     untestable: dict[Candidate, str]
     unobservable: dict[Candidate, str]
+    seen: dict[Candidate, float] = field(default_factory=dict)
     sets: tuple[tuple[Subset, ...], ...] = ((NOTHING,),)
     shapes: Shapes = field(default_factory=Shapes)
 
@@ -179,15 +182,13 @@ def search(evidence: Evidence, wanted: list[Candidate], progress: Progress = sil
     base = whitened_base(evidence, white)
     projection = project(white, base, found)
     good, untestable = visible(projection, evidence, white)
-    hidden, whole, part = left_out(evidence, found)
-    untestable |= whole
-    unobservable |= {
-        candidate: why for candidate, why in part.items() if candidate not in untestable
-    }
+    left = left_out(found)
+    seen = {one: share for one, share in left.seen.items() if one not in untestable}
+    untestable |= left.whole
     itself, noisy = of_own_noise(evidence, white, base, found)
-    kept = projection.kept(good & ~hidden & ~itself)
+    kept = projection.kept(good & ~left.hidden & ~itself)
     shapes = Shapes(evidence, dict.fromkeys(noisy))  # nor is anything drawn of these
-    return Search(evidence, white, base, kept, untestable, unobservable, shapes=shapes)
+    return Search(evidence, white, base, kept, untestable, unobservable, seen, shapes=shapes)
 
 
 # How much candidates explain, and how much they leave, in energy beyond noise.
@@ -283,7 +284,7 @@ def strengths(search: Search, energy: np.ndarray) -> np.ndarray:
     power = (np.maximum(energy, 0.0) * variance).reshape(-1, joints).sum(axis=0)
     rows = evidence.used.reshape(len(evidence.time), -1, joints).sum(axis=(0, 1))
     rms = np.sqrt(power / np.maximum(rows, 1))
-    force = evidence.force_rms[:joints]
+    force = over_zones(evidence, evidence.force)
     return np.divide(rms, force, out=np.zeros_like(rms), where=force > 0.0)
 
 

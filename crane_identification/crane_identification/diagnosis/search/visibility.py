@@ -7,6 +7,7 @@ has not been moving by then for as long as the estimate of its velocity needs, n
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from crane_identification.diagnosis.search.projection import (
     Projection,
     Whitener,
 )
-from crane_model.terms import Setting, Term
+from crane_model.terms import Term
 
 # What follows the measured force, which holds whatever is sought.
 #
@@ -253,44 +254,32 @@ def _made_of_the_residual(
     return more
 
 
-def left_out(
-    evidence: Evidence, tried: Sequence[ShapedCandidate]
-) -> tuple[np.ndarray, dict[Candidate, str], dict[Candidate, str]]:
-    """Which of the `tried` (tried,) lie in rows that are left out; candidates of which all do,
-    and of which some do, with the reason.
+class LeftOut(NamedTuple):
+    """Friction in rows that are left out.
+
+    `hidden` (tried,): which shapes are not sought. `whole`: the reason for candidates of which none
+    is. `seen`: of each candidate, the least share of its energy in used rows.
     """
-    share = np.array([one.seen if one.term.is_friction() else 1.0 for one in tried])
-    hidden = share < SEEN_SHARE
-    whole: dict[Candidate, str] = {}
-    part: dict[Candidate, str] = {}
-    for candidate in dict.fromkeys(
-        one.candidate for one, out in zip(tried, hidden, strict=True) if out
-    ):
-        own = np.array([one.candidate == candidate for one in tried])
-        lost = own & hidden
-        reason = (
-            "its peak lies in the rows that are left out around reversals; those that are used see "
-            f"{share[lost].max():.1%} of it, {SEEN_SHARE:.0%} needed"
-        )
-        if lost.sum() == own.sum():
-            whole[candidate] = reason
-        else:
-            shapes = [one.shape for one, out in zip(tried, lost, strict=True) if out]
-            part[candidate] = f"{_where(candidate, shapes, evidence.model.setting)}, {reason}"
-    return hidden, whole, part
+
+    hidden: np.ndarray
+    whole: dict[Candidate, str]
+    seen: dict[Candidate, float]
 
 
-def _where(candidate: Candidate, hidden: Sequence[dict[str, float]], setting: Setting) -> str:
-    """The shapes that are hidden, by the parameters whose other values are sought."""
-    parts, coordinate = [], setting.units.get(candidate.where, "rad")
-    for name, shape in candidate.term.shapes.items():
-        every, some = (
-            sorted({one[name] for one in shapes}) for shapes in (candidate.grid(), hidden)
-        )
-        unit = shape.unit_on(coordinate)
-        unit = "" if unit == "1" else f" {unit}"
-        if some[-1] < every[-1]:
-            parts.append(f"{name} below {next(x for x in every if x > some[-1]):.2g}{unit}")
-        elif some[0] > every[0]:
-            parts.append(f"{name} above {max(x for x in every if x < some[0]):.2g}{unit}")
-    return f"with {' and '.join(parts)}" if parts else "with some shapes"
+def left_out(tried: Sequence[ShapedCandidate]) -> LeftOut:
+    """Compare what used rows show of each candidate, at each shape, with what is needed."""
+    friction = [one.term.is_friction() for one in tried]
+    hidden = np.array(
+        [rubs and one.seen < SEEN_SHARE for one, rubs in zip(tried, friction, strict=True)]
+    )
+    shares: dict[Candidate, list[float]] = {}
+    for one, rubs in zip(tried, friction, strict=True):
+        if rubs:
+            shares.setdefault(one.candidate, []).append(one.seen)
+    whole = {
+        candidate: "its peak lies in the rows that are left out around reversals; those that are "
+        f"used see {max(own):.1%} of it, {SEEN_SHARE:.0%} needed"
+        for candidate, own in shares.items()
+        if max(own) < SEEN_SHARE
+    }
+    return LeftOut(hidden, whole, {candidate: min(own) ** 2 for candidate, own in shares.items()})

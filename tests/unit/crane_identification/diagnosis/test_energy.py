@@ -15,12 +15,14 @@ from crane_identification.diagnosis.search.search import (
     named_from,
     normalized_energy,
     strength,
+    strengths,
     unexplained,
     unexplained_beside,
 )
 from crane_identification.diagnosis.search.search import (
     testable_share as share_that_shows,
 )
+from crane_identification.estimation.autoregression import Autoregression
 from crane_model.terms import REGISTRY
 
 A, B = np.linalg.qr(np.random.default_rng(1).standard_normal((ROWS, 2)))[0].T * np.sqrt(ROWS)
@@ -57,6 +59,19 @@ def test_strength_is_the_rms_of_an_effect_over_that_of_the_force() -> None:
     assert strength(found, 0, solved.gain) == pytest.approx(SIZE / force, rel=0.1)
     columns = found.projection.candidates[0].columns
     assert acting(found.evidence, columns, np.array([SIZE])) == pytest.approx(SIZE / force, rel=0.1)
+
+
+def test_strength_counts_the_same_rows_of_effect_and_force() -> None:
+    """Those of both zones, in which the joint slides; the force is smaller close to reversals."""
+    found = searched({"offset": A}, SIZE * A)
+    force = np.stack([10.0 * A, 2.0 * B], axis=1)
+    both = replace(found.evidence, force=force, used=np.ones((ROWS, 2), dtype=bool))
+    noise = Autoregression(np.ones(1), 1.0)
+    search = replace(found, evidence=both, whitener=replace(found.whitener, noise=(noise, noise)))
+    columns = np.stack([A, 0.5 * A], axis=1)[:, :, np.newaxis]
+    expected = acting(both, columns, np.array([SIZE]))
+    energy = (SIZE * columns[:, :, 0]) ** 2
+    assert strengths(search, energy.sum(axis=0))[0] == pytest.approx(expected)
 
 
 def test_detectable_is_the_strength_that_reaches_the_threshold() -> None:

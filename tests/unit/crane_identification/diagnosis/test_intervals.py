@@ -13,7 +13,7 @@ from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.diagnosis import words
-from crane_identification.diagnosis.diagnosis import diagnose
+from crane_identification.diagnosis.diagnosis import FORM_ERROR, diagnose
 from crane_identification.diagnosis.findings import Verdict
 from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
@@ -62,6 +62,50 @@ def test_intervals_of_named_parameters_hold_the_true_values(tmp_path: Path) -> N
                 inside.append(abs(value.value - size) <= SIGMAS * value.std_dev)
     assert len(inside) >= 0.7 * CASES
     assert np.mean(inside) >= 0.9
+
+
+def smooth_form(rng: np.random.Generator, family: str, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """A force (n,) that depends on position and velocity, both of rms one."""
+    if family == "waves":
+        weights, shift = rng.normal(size=(2, 6, 2)), rng.uniform(0.0, 2.0 * np.pi, 6)
+        waves = np.sin(np.stack([q, v], axis=1) @ weights[0].T + shift)
+        return waves @ weights[1, :, 0]
+    if family == "polynomial":
+        powers = [(i, j) for i in range(4) for j in range(4) if i + j]
+        return np.sum([rng.normal() / (1 + i + j) * q**i * v**j for i, j in powers], axis=0)
+    if family == "local":
+        places = rng.normal(size=(4, 3))
+        hills = [a * np.exp(-((q - b) ** 2 + (v - c) ** 2) / 0.8) for a, b, c in places]
+        return np.sum(hills, axis=0)
+    fading = np.exp(-np.abs(v) / rng.uniform(0.2, 1.5))
+    return np.sign(v) * (rng.normal() * fading + 0.5 * rng.normal() * q)
+
+
+def test_the_error_of_a_form_is_as_large_as_regressions_show() -> None:
+    """Forms that were not used to choose it, beside acceleration, velocity, and friction."""
+    rng, inside = np.random.default_rng(13), []
+    for case in range(400):
+        time = np.linspace(0.0, 240.0, 600)
+        rates = 2.0 * np.pi * rng.integers(4, 100, 6) / 240.0
+        sines = np.exp(1j * np.multiply.outer(time, rates)) * rng.normal(size=6) / rates
+        q, v, a = (
+            one / one.std() for one in ((sines * (1j * rates) ** k).sum(1).real for k in range(3))
+        )
+        effect = (q, v * np.abs(v))[case % 2]
+        effect = effect / effect.std()
+        other = smooth_form(rng, ("waves", "polynomial", "local", "friction")[case % 4], q, v)
+        noise = (0.02, 0.1)[case // 4 % 2]
+        force = effect + SHARES[case // 8 % 4] * other / np.sqrt((other**2).mean())
+        force = force + noise * rng.standard_normal(len(time))
+        model = np.stack([a, v, np.ones_like(v), np.sign(v)], axis=1)
+        columns = np.column_stack([model, effect])
+        values, (energy,), *_ = np.linalg.lstsq(columns, force)
+        known = np.linalg.qr(model)[0]
+        seen = np.linalg.norm(effect - known @ (known.T @ effect)) / np.sqrt(len(time))
+        beyond = np.sqrt(max(energy / len(time) - noise**2, 0.0))
+        std_dev = np.hypot(noise / seen / np.sqrt(len(time)), FORM_ERROR * beyond / seen)
+        inside.append(abs(values[-1] - 1.0) <= SIGMAS * std_dev)
+    assert 0.9 <= np.mean(inside) <= 0.98
 
 
 def test_a_residual_of_the_form_of_the_named_effect_is_not_another_effect(tmp_path: Path) -> None:

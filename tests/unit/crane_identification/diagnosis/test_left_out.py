@@ -1,12 +1,16 @@
 """Breakaway that is over before a row is used, and breakaway that is not."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from crane_identification.diagnosis.diagnosis import _partly_seen
 from crane_identification.diagnosis.fit.evidence import Evidence, Run
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
+from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.visibility import SEEN_SHARE, left_out
 from crane_model.errors import DataError
 from crane_model.model_file import Model
@@ -85,22 +89,34 @@ def test_a_signal_that_is_not_known_where_a_gate_is_shut_is_not_made_up(evidence
         replace(evidence, runs=(part,)).shown(term)
 
 
-def test_a_short_peak_is_not_sought_and_the_reason_says_where(evidence: Evidence) -> None:
+def test_a_short_peak_is_not_sought_and_its_share_in_used_rows_is_known(evidence: Evidence) -> None:
     candidate, usual = Candidate(Stiction, "axis"), Candidate(Coulomb, "axis")
     tried = [*candidates(evidence, candidate), *candidates(evidence, usual)]
-    hidden, whole, part = left_out(evidence, tried)
+    found = left_out(tried)
     travels = np.array([one.shape.get("travel", np.inf) for one in tried])
-    np.testing.assert_array_equal(hidden, np.exp(-UNSEEN / travels) < SEEN_SHARE)
-    assert hidden.any() and not hidden.all()
-    assert not whole and list(part) == [candidate]
-    shortest = f"{travels[~hidden].min():.2g}"
-    assert part[candidate].startswith(f"with travel below {shortest} m, its peak lies in the rows")
+    np.testing.assert_array_equal(found.hidden, np.exp(-UNSEEN / travels) < SEEN_SHARE)
+    assert found.hidden.any() and not found.hidden.all()
+    assert not found.whole and set(found.seen) == {candidate, usual}
+    assert found.seen[candidate] == pytest.approx(np.exp(-2.0 * UNSEEN / travels.min()), rel=0.02)
+    assert found.seen[usual] > 0.9
+
+
+def test_friction_of_which_little_is_seen_is_listed_though_a_shape_of_it_is_sought(
+    evidence: Evidence,
+) -> None:
+    """At some shape most of it is in used rows; at another one hardly any, and nobody knows which
+    the machine has.
+    """
+    seen = left_out(candidates(evidence, Candidate(Stiction, "axis"))).seen
+    (entry,) = _partly_seen(cast(Search, SimpleNamespace(seen=seen)))
+    assert (entry.effect, entry.joint) == ("stiction", "axis")
+    assert entry.seen_share is not None and entry.seen_share < SEEN_SHARE**2
 
 
 def test_where_no_row_is_used_none_of_it_is(evidence: Evidence) -> None:
     run = evidence.runs[0]
     blind = replace(evidence, runs=(replace(run, gate=np.zeros_like(run.gate)),))
     candidate = Candidate(Stiction, "axis")
-    hidden, whole, part = left_out(blind, candidates(blind, candidate))
-    assert hidden.all() and not part
-    assert "those that are used see 0.0% of it" in whole[candidate]
+    found = left_out(candidates(blind, candidate))
+    assert found.hidden.all() and found.seen == {candidate: 0.0}
+    assert "those that are used see 0.0% of it" in found.whole[candidate]

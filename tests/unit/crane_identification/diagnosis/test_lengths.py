@@ -82,3 +82,14 @@ def test_lengths_that_are_off_are_no_other_effect() -> None:
     found = decide(ForwardSelection(made), THRESHOLDS).passed
     kinds = {one.shaped.candidate.type for one in found}
     assert kinds and kinds <= {"linkage_scale", "pressure_gain"}
+
+
+@pytest.mark.parametrize("links", [{}, {"inner_boom": 1.01, "outer_boom": 0.995}])
+def test_a_scale_that_lengths_explain_as_well_is_not_named_alone(links: dict[str, float]) -> None:
+    """Two linkages that are 1 % larger scale the forces as a gain on the third joint does."""
+    made = built(links, {"inner_boom": 1.01, "outer_boom": 1.01})
+    found = decide(ForwardSelection(made), THRESHOLDS).passed
+    groups = [{one.shaped.candidate, *one.indistinct} for one in found]
+    assert groups
+    for group in groups:
+        assert any(member.type == "linkage_scale" for member in group)
