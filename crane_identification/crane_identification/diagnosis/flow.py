@@ -403,26 +403,19 @@ def examine(
     """
     distrusted = {one.where for one in named if one.term.is_of_sensors()}
 
-    def flow_of(joint: str) -> Flow | str:
+    def flow_of(joint: str) -> tuple[list[Flow], dict[tuple[str, str], str]]:
         try:
             here, there = FlowRows(evidence, joint), FlowRows(held_out, joint)
             if joint in distrusted:
                 raise DataError(f"flow of '{joint}': its sensors may be wrong; settle that first")
             own = usual_of(joint, usual, evidence.model.hydraulics)
-            return _flow(here, there, own, thresholds)
+            return [_flow(here, there, own, thresholds)], {}
         except DataError as error:
-            return str(error)
+            return [], {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
 
-    flows = dict(zip(evidence.joints, in_parallel(flow_of, evidence.joints), strict=True))
-    return Flows(
-        tuple(flow for flow in flows.values() if isinstance(flow, Flow)),
-        {
-            (effect, joint): reason
-            for joint, reason in flows.items()
-            if isinstance(reason, str)
-            for effect in sorted(FLOW_EFFECTS)
-        },
-    )
+    parts = in_parallel(flow_of, evidence.joints)
+    absent = {effect: reason for _, reasons in parts for effect, reason in reasons.items()}
+    return Flows(tuple(flow for flows, _ in parts for flow in flows), absent)
 
 
 def _flow(here: FlowRows, there: FlowRows, usual: JointUsual, thresholds: Thresholds) -> Flow:
