@@ -6,21 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from crane_identification.data.arguments import Sources, add_part, request_of
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.recording_log import TABLES
+from threadpoolctl import threadpool_limits
+
+from crane_identification.data.arguments import add_part, request_of
+from crane_identification.data.column_map import TABLES, ColumnMap
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
-from crane_identification.recording_check.check import check
-from crane_identification.recording_check.forces import crane
 from crane_identification.recording_check.suspicion import Checked
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_model.terms import load_terms
 
 
 @dataclass(frozen=True)
@@ -37,30 +33,38 @@ class CheckRequest:
 
 def run(request: CheckRequest) -> None:
     """Print what each recording looks like; `DataError` if one is wrong."""
+    # Imported here: they take seconds, and --help needs none of them.
+    from crane_identification.data.sources import Sources
+    from crane_identification.parallel import in_parallel
+    from crane_identification.recording_check.check import check
+    from crane_identification.recording_check.forces import crane
+    from crane_model.machine import load_machine
+    from crane_model.model_file import load_model
+    from crane_model.terms import load_terms
+
     if request.terms:
         load_terms(request.terms)
-    model = load_model(request.model) if request.model else _default_model(request.machine)
+    if request.model:
+        model = load_model(request.model)
+    else:  # the model of the paper [1] if the machine is such a crane, else the machine's own
+        machine = load_machine(request.machine)
+        own = machine_file("model.yaml", request.machine)
+        model = crane(machine) if machine.planar else load_model(own)
     columns = load(request.columns, ColumnMap) if request.columns else None
     if columns and not (request.model or request.machine or {*model.joints} & {*columns.joints}):
         raise ConfigurationError(
             f"{request.columns}: the joints {', '.join(columns.joints)} are not those of "
             "the laboratory crane, which is the default; give your machine by --model or --machine"
         )
-    with ProgressBar() as progress:
+    with ProgressBar() as progress, threadpool_limits(limits=1):
         logs = Sources(model, columns, request.options, progress).read(request.recordings)
-    checked = [check(model.machine, log, model) for log in logs]
+        checked = in_parallel(lambda log: check(model.machine, log, model), logs)
     print("\n".join(line for recording in checked for line in _lines(recording)))
     if refused := [recording.source for recording in checked if recording.decisive]:
         raise DataError(
             f"{', '.join(refused)}: whatever is fitted to this is wrong; record again, or correct "
             "the column map or the machine file"
         )
-
-
-def _default_model(name: Path | None) -> Model:
-    """The model of the paper [1] if the machine is such a crane, else the machine's own."""
-    machine = load_machine(name)
-    return crane(machine) if machine.planar else load_model(machine_file("model.yaml", name))
 
 
 def _lines(checked: Checked) -> list[str]:

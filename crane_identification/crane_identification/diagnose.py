@@ -4,39 +4,24 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from crane_identification.data.arguments import (
-    Sources,
     add_processing,
     add_recordings,
     add_trust,
     options_of,
-    refuse_copies,
-    refuse_overlap,
 )
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.log import Log
-from crane_identification.data.recording_log import TABLES
-from crane_identification.diagnosis import page, words
-from crane_identification.diagnosis.diagnosis import check_known, diagnose
-from crane_identification.diagnosis.findings import Findings
-from crane_identification.diagnosis.fit.fit import Fitted, fitted
-from crane_identification.diagnosis.flow import load_usual
-from crane_identification.options import Options
+from crane_identification.data.column_map import TABLES, ColumnMap
 from crane_identification.progress_bar import ProgressBar
-from crane_identification.recording_check.check import blaming, vetted
-from crane_identification.recording_check.loads import split_by_load
-from crane_identification.report.content import Provenance
-from crane_identification.thresholds import load_thresholds
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
-from crane_model.model_file import Model, load_model, save_model
-from crane_model.progress_bar import Progress
-from crane_model.terms import load_terms
 
 WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
 FIXED = "what has changed since the model was made? Keeps its values"
@@ -46,11 +31,26 @@ NEEDED = ("model", "train", "validate", "out")
 def run(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
     if arguments.explain is not None:
+        from crane_identification.diagnosis.findings import Findings
+
         _tell(Findings.read(arguments.explain / "findings.json").plain(), arguments.explain)
         return
     absent = [f"--{name}" for name in NEEDED if not getattr(arguments, name)]
     if absent:
         raise ConfigurationError(f"{', '.join(absent)}: needed for a diagnosis; see --help")
+    # Imported here: they take seconds, and --help needs none of them.
+    from crane_identification.data.sources import Sources, refuse_copies, refuse_overlap
+    from crane_identification.diagnosis import page, words
+    from crane_identification.diagnosis.diagnosis import check_known, diagnose
+    from crane_identification.diagnosis.fit.fit import fitted
+    from crane_identification.diagnosis.flow import load_usual
+    from crane_identification.recording_check.check import blaming, vetted
+    from crane_identification.recording_check.loads import split_by_load
+    from crane_identification.report.content import Provenance
+    from crane_identification.thresholds import load_thresholds
+    from crane_model.model_file import load_model, save_model
+    from crane_model.terms import load_terms
+
     start = time.perf_counter()
     results = (arguments.out / name for name in ("model.yaml", "findings.json", "report.html"))
     cli.check_out(*results, replace=arguments.replace)
@@ -62,7 +62,8 @@ def run(arguments: argparse.Namespace) -> None:
     check_known(arguments.without)
     thresholds = load_thresholds(arguments.thresholds)
     usual = load_usual(arguments.hydraulics)
-    with ProgressBar() as progress:
+    # Threads of linear algebra would wait for one another; processes share the work.
+    with ProgressBar() as progress, threadpool_limits(limits=1):
         options = options_of(arguments)
         sources = Sources(model, columns, options, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
@@ -71,7 +72,9 @@ def run(arguments: argparse.Namespace) -> None:
             model.machine, (*training, *held_out), arguments.trust_recordings, model
         )
         with blaming(suspicions):
-            fit = _fitted(model, training, held_out, options, arguments.fixed, progress)
+            fit = None  # if the recordings as they are cannot be used, as `diagnose` says of parts
+            with suppress(DataError):
+                fit = fitted(model, training, held_out, options, arguments.fixed, progress)
             weighed_by = fit.before if fit and model.values is None else model
             prepared = fit.training.recordings if fit else ()
             training, changes = split_by_load(weighed_by, training, options, prepared)
@@ -111,24 +114,9 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"{len(logs)} recordings, {samples} samples of each joint, {seconds:.0f} s")
 
 
-def _fitted(
-    model: Model,
-    training: Sequence[Log],
-    held_out: Sequence[Log],
-    options: Options,
-    fixed: bool,
-    progress: Progress,
-) -> Fitted | None:
-    """The fit to the recordings as they are; None if they cannot be used, as the diagnosis of their
-    parts says.
-    """
-    try:
-        return fitted(model, training, held_out, options, fixed, progress)
-    except DataError:
-        return None
-
-
 def _tell(content: dict[str, Any], folder: Path) -> None:
+    from crane_identification.diagnosis import words
+
     for warning in (*content.get("suspicions", ()), *content.get("warnings", ())):
         print(f"warning: {warning}", file=sys.stderr)
     print("\n".join([*words.lines(content), *words.next_step(content, folder)]))

@@ -7,42 +7,29 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import RootModel
+from threadpoolctl import threadpool_limits
 
 from crane_identification.data.arguments import (
-    Sources,
     add_processing,
     add_recordings,
     add_trust,
-    refuse_copies,
-    refuse_overlap,
     request_of,
 )
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.recording_log import TABLES
-from crane_identification.estimation.prior import load_prior
-from crane_identification.fitting import fit, validate
-from crane_identification.hydraulics.joint_estimate import identify_hydraulics, with_ramps
-from crane_identification.online.replay import BackgroundTask, recursion
+from crane_identification.data.column_map import TABLES, ColumnMap
 from crane_identification.options import Estimator, Options
-from crane_identification.preparation.prepare import Session
 from crane_identification.progress_bar import ProgressBar
-from crane_identification.recording_check.check import blaming, faulty_sensors, vetted
-from crane_identification.recording_check.loads import loads_in_words
-from crane_identification.report import page, summary
-from crane_identification.report.content import IdentificationReport, Provenance, pooled
-from crane_identification.report.findings import findings
-from crane_identification.report.terminal import tell
-from crane_identification.scale.summed import SummedFit, fit_streamed
 from crane_model import cli
 from crane_model.cli import one_of
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics import JointHydraulics
-from crane_model.model_file import Model, load_model, save_model
 from crane_model.progress_bar import Progress
-from crane_model.terms import load_terms
+
+if TYPE_CHECKING:
+    from crane_identification.scale.summed import SummedFit
+    from crane_model.model_file import Model
 
 
 @dataclass(frozen=True)
@@ -71,11 +58,19 @@ class IdentifyRequest:
 
 
 def identify_by_sums(
-    model: Model, request: IdentifyRequest, columns: ColumnMap | None, warnings: Sequence[str]
+    model: "Model", request: IdentifyRequest, columns: ColumnMap | None, warnings: Sequence[str]
 ) -> None:
     """Fit by sums of information matrices, on a Dask cluster or recording by recording, and
     validate here; the figures of a report would need all rows here.
     """
+    from crane_identification.data.sources import Sources
+    from crane_identification.fitting import validate
+    from crane_identification.recording_check.check import vetted
+    from crane_identification.report import summary
+    from crane_identification.report.content import pooled
+    from crane_identification.scale.summed import fit_streamed
+    from crane_model.model_file import save_model
+
     options = request.options
     option = "--cluster" if request.cluster else "--stream"
     if options.estimator is not Estimator.LEAST_SQUARES or request.recursive:
@@ -116,8 +111,8 @@ def identify_by_sums(
 
 
 def _on_cluster(
-    model: Model, request: IdentifyRequest, columns: ColumnMap | None, progress: Progress
-) -> SummedFit:
+    model: "Model", request: IdentifyRequest, columns: ColumnMap | None, progress: Progress
+) -> "SummedFit":
     if request.terms:
         raise ConfigurationError(
             "--cluster: its workers do not have the file of --terms; leave it out"
@@ -144,6 +139,22 @@ class ReferenceValues(RootModel[dict[str, float]]):
 
 def identify(request: IdentifyRequest) -> None:
     """Fit, validate and write the results; raises `CraneError`."""
+    # Imported here: they take seconds, and --help needs none of them.
+    from crane_identification.data.sources import Sources, refuse_copies, refuse_overlap
+    from crane_identification.estimation.prior import load_prior
+    from crane_identification.fitting import fit, validate
+    from crane_identification.hydraulics.joint_estimate import identify_hydraulics, with_ramps
+    from crane_identification.online.replay import BackgroundTask, recursion
+    from crane_identification.preparation.prepare import Session
+    from crane_identification.recording_check.check import blaming, faulty_sensors, vetted
+    from crane_identification.recording_check.loads import loads_in_words
+    from crane_identification.report import page, summary
+    from crane_identification.report.content import IdentificationReport, Provenance
+    from crane_identification.report.findings import findings
+    from crane_identification.report.terminal import tell
+    from crane_model.model_file import load_model, save_model
+    from crane_model.terms import load_terms
+
     by_sums = request.cluster or request.stream
     names = ("model.yaml", "summary.json", *(() if by_sums else ("report.html",)))
     cli.check_out(*(request.out / name for name in names), replace=request.replace)
@@ -162,7 +173,7 @@ def identify(request: IdentifyRequest) -> None:
     if by_sums:
         identify_by_sums(model, request, columns, alike)
         return
-    with ProgressBar() as progress, ExitStack() as processes:
+    with ProgressBar() as progress, threadpool_limits(limits=1), ExitStack() as processes:
         sources = Sources(model, columns, options, progress)
         training = sources.read(request.train)
         suspicions = vetted(model.machine, training, request.trust_recordings, model)
@@ -214,10 +225,12 @@ def identify(request: IdentifyRequest) -> None:
     tell(report, request.out)
 
 
-def _known_values(path: Path, model: Model) -> dict[str, float]:
+def _known_values(path: Path, model: "Model") -> dict[str, float]:
     """Reference values by name; `ConfigurationError` where the model has no such parameter, and the
     hydraulics of its machine no such value.
     """
+    from crane_model.hydraulics import JointHydraulics
+
     known = load(path, ReferenceValues).root
     names = [parameter.name for parameter in model.parameters]
     joints = model.machine.joint_names if model.machine else ()
@@ -231,7 +244,7 @@ def _known_values(path: Path, model: Model) -> dict[str, float]:
     return known
 
 
-def _loads_left_out(given: Model, model: Model) -> tuple[str, ...]:
+def _loads_left_out(given: "Model", model: "Model") -> tuple[str, ...]:
     """A warning where the `given` model held loads of recordings, which `model` does not."""
     kept = {parameter.name for parameter in model.parameters}
     loads = [parameter.name for parameter in given.parameters if parameter.name not in kept]

@@ -7,22 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from crane_identification.data.arguments import Sources, add_part, request_of
+from crane_identification.data.arguments import add_part, request_of
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.options import Options
-from crane_identification.preparation.prepare import prepare_all
 from crane_identification.progress_bar import ProgressBar
-from crane_identification.report.terminal import ahead, console
-from crane_identification.validation.motion_validation import (
-    CommandValidation,
-    MotionValidation,
-    validate_commands,
-    validate_motion,
-)
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import DataError
-from crane_model.model_file import load_model
 
 
 @dataclass(frozen=True)
@@ -38,6 +29,18 @@ class SimulationRequest:
 
 def run(request: SimulationRequest) -> None:
     """Simulate, and print how far the simulated motion is off; raises `CraneError`."""
+    # Imported here: they take seconds, and --help needs none of them.
+    from crane_identification.data.sources import Sources
+    from crane_identification.preparation.prepare import prepare_all
+    from crane_identification.report.terminal import ahead, console
+    from crane_identification.validation.motion_validation import (
+        CommandValidation,
+        MotionValidation,
+        validate_commands,
+        validate_motion,
+    )
+    from crane_model.model_file import load_model
+
     model = load_model(request.model).of_machine()
     columns = load(request.columns, ColumnMap) if request.columns else None
     with ProgressBar() as progress:

@@ -17,8 +17,8 @@ from unit.crane_identification.hydraulics.valve_experiments import (
 )
 
 from crane_benchmark.study.following import AHEAD, HYDRAULIC_AIMS, worst
-from crane_identification.data.arguments import Sources
 from crane_identification.data.log import Log
+from crane_identification.data.sources import Sources
 from crane_identification.fitting import fit
 from crane_identification.hydraulics.joint_estimate import identify_hydraulics, identify_joint
 from crane_identification.options import Options

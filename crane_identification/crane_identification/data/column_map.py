@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 from crane_model.configuration import Schema
 from crane_model.errors import DataError
 
+TABLES = (".csv", ".tsv", ".txt", ".parquet", ".mat")
 COUNTS = "counts"
 """Unit and quantity of a sensor that was never calibrated: its numbers stay as they are."""
 DATE = "ISO 8601"

@@ -19,12 +19,18 @@ from crane_bags.types import (
     VALVE_OUTPUT,
     Topic,
 )
-from crane_identification.data.column_map import COUNTS, Cell, ColumnMap, JointSources, Source
+from crane_identification.data.column_map import (
+    COUNTS,
+    TABLES,
+    Cell,
+    ColumnMap,
+    JointSources,
+    Source,
+)
 from crane_identification.data.log import Log, Signal
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.progress_bar import Progress, silent
 
-TABLES = (".csv", ".tsv", ".txt", ".parquet", ".mat")
 SLEW = "slew"
 INTERPOLATED_GAP_S = 0.1  # s between two numbers that are interpolated
 ROUNDING_MARGIN_S = 1e-6  # s, by which times of 0.1 s may be rounded

@@ -10,9 +10,9 @@ import polars as pl
 from scipy.io import loadmat
 
 from crane_bags.clocks import NANOSECONDS
-from crane_identification.data.column_map import DATE, Cell, ColumnMap
+from crane_identification.data.column_map import DATE, TABLES, Cell, ColumnMap
 from crane_identification.data.log import Log
-from crane_identification.data.recording_log import TABLES, Stream, mapped_log, tables_in
+from crane_identification.data.recording_log import Stream, mapped_log, tables_in
 from crane_model.errors import ConfigurationError, DataError
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

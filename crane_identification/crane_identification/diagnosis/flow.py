@@ -24,6 +24,7 @@ from crane_identification.diagnosis.flow_balance import (
     with_wear,
 )
 from crane_identification.diagnosis.search.candidates import Candidate
+from crane_identification.parallel import in_parallel
 from crane_identification.thresholds import Method, Thresholds
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import DataError
@@ -401,18 +402,20 @@ def examine(
     that are `named` are of sensors, what these measure tells nothing of the flow.
     """
     distrusted = {one.where for one in named if one.term.is_of_sensors()}
-    found: list[Flow] = []
-    absent: dict[tuple[str, str], str] = {}
-    for joint in evidence.joints:
+
+    def flow_of(joint: str) -> tuple[list[Flow], dict[tuple[str, str], str]]:
         try:
             here, there = FlowRows(evidence, joint), FlowRows(held_out, joint)
             if joint in distrusted:
                 raise DataError(f"flow of '{joint}': its sensors may be wrong; settle that first")
             own = usual_of(joint, usual, evidence.model.hydraulics)
-            found.append(_flow(here, there, own, thresholds))
+            return [_flow(here, there, own, thresholds)], {}
         except DataError as error:
-            absent |= {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
-    return Flows(tuple(found), absent)
+            return [], {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
+
+    parts = in_parallel(flow_of, evidence.joints)
+    absent = {effect: reason for _, reasons in parts for effect, reason in reasons.items()}
+    return Flows(tuple(flow for flows, _ in parts for flow in flows), absent)
 
 
 def _flow(here: FlowRows, there: FlowRows, usual: JointUsual, thresholds: Thresholds) -> Flow:

@@ -1,10 +1,8 @@
 """From a log to the record that the model is evaluated on: resampled, averaged, smoothed."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Self
 
 import numpy as np
@@ -13,6 +11,7 @@ from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
+from crane_identification.parallel import in_parallel
 from crane_identification.preparation.periodicity import Periodicity, periodic_part
 from crane_identification.preparation.run import (
     Preparation,
@@ -186,11 +185,7 @@ def prepare_all(
 
     Raises `DataError` without recordings, and as `prepare`.
     """
-    return [
-        preparation
-        for prepared in _one_by_one(model, logs, options, progress, session)
-        for preparation in prepared()
-    ]
+    return list(chain.from_iterable(_of_each(prepare, model, logs, options, progress, session)))
 
 
 def prepare_moving(
@@ -205,16 +200,9 @@ def prepare_moving(
 
     Raises `NoMotionError` where none moves in any.
     """
-    moving: list[Preparation] = []
-    standing = []
-    one_by_one = _one_by_one(model, logs, options, progress, session)
-    for log, prepared in zip(logs, one_by_one, strict=True):
-        with suppress(NoMotionError):
-            in_motion = [preparation for preparation in prepared() if preparation.moving.any()]
-            moving += in_motion
-            if in_motion:
-                continue
-        standing.append(log.source)
+    found = _of_each(_in_motion, model, logs, options, progress, session)
+    moving = list(chain.from_iterable(found))
+    standing = [log.source for log, prepared in zip(logs, found, strict=True) if not prepared]
     if not moving:
         raise NoMotionError(
             f"{', '.join(standing)}: no joint moves, of model '{model.name}', faster than its "
@@ -223,18 +211,35 @@ def prepare_moving(
     return moving, tuple(standing)
 
 
-def _one_by_one(
-    model: Model, logs: Sequence[Log], options: Options, progress: Progress, session: Session | None
-) -> Iterator[Callable[[], list[Preparation]]]:
+def _in_motion(
+    model: Model, log: Log, options: Options, progress: Progress, since: float
+) -> list[Preparation]:
+    """`prepare`, without runs in which no joint moves."""
+    try:
+        return [each for each in prepare(model, log, options, progress, since) if each.moving.any()]
+    except NoMotionError:
+        return []
+
+
+def _of_each(
+    prepared: Callable[[Model, Log, Options, Progress, float], list[Preparation]],
+    model: Model,
+    logs: Sequence[Log],
+    options: Options,
+    progress: Progress,
+    session: Session | None,
+) -> list[list[Preparation]]:
     if not logs:
         raise DataError(f"model '{model.name}': no recordings given; give at least one")
     session = session or Session.of(logs)
-    for number, log in enumerate(logs):
 
-        def partly(phase: str, done: float, number: int = number) -> None:
+    def of(number: int) -> list[Preparation]:
+        def partly(phase: str, done: float) -> None:
             progress(phase, (number + done) / len(logs))
 
-        yield partial(prepare, model, log, options, partly, session.since(log))
+        return prepared(model, logs[number], options, partly, session.since(logs[number]))
+
+    return in_parallel(of, range(len(logs)))
 
 
 def chronological(logs: Sequence[Log]) -> list[Log]:

@@ -13,7 +13,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
-from scipy.linalg import block_diag
 
 from crane_model.base_parameters import report_from_base
 from crane_model.configuration import Positive, Schema
@@ -53,6 +52,8 @@ def column_map(model: Model, columns: ColumnSet) -> np.ndarray:
             "which must be its first"
         )
     assert model.machine is not None  # a model of planar_rigid_body has one
+    from scipy.linalg import block_diag  # half a second to import
+
     count = len(BASE_PARAMETERS)
     to_report = report_from_base(Geometry.of(model.machine))  # xi_(9) = T xi, so Phi T^-1
     return block_diag(np.linalg.inv(to_report), identity[count:, count:])

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import nnls
 
 from crane_model.cylinders import lever_arm
 from crane_model.errors import ConfigurationError
@@ -257,6 +256,8 @@ class PlannedExperiment:
             (self.beside(after) - self.beside(before)) @ fitted.values / apart
             for before, after, apart in fitted.bent()
         ]
+        from scipy.optimize import nnls  # half a second to import
+
         columns = self.beside(fitted.term)
         positive = np.array(
             [parameter.minimum == 0.0 for parameter in fitted.term.parameters(self._model.setting)]

@@ -9,7 +9,6 @@ from functools import cached_property
 from multiprocessing import get_context
 
 import numpy as np
-from scipy.optimize import minimize
 
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine
@@ -116,6 +115,8 @@ class ExcitationProblem:
 
     def descend(self, point: np.ndarray, stage: SearchStage) -> np.ndarray:
         """The point to which SLSQP gets from the given one."""
+        from scipy.optimize import minimize  # half a second to import
+
         limits = self.limits(stage.grid_per_harmonic)
         constraints = [
             {

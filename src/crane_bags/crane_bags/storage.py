@@ -9,7 +9,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Chunk, DataEnd, Message
+from mcap.records import Chunk, DataEnd, McapRecord, Message
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from numba import njit
 from rosbags.interfaces import Connection
@@ -292,6 +292,16 @@ def _closed(file: Path) -> bool:
         return content.tell() > 0 and content.read() == MCAP_MAGIC
 
 
+class _DataReader(StreamReader):
+    """Passes over indexes of messages: to parse them takes as long as all else."""
+
+    def _read_record(self, opcode: int, length: int) -> McapRecord | None:
+        if opcode != Opcode.MESSAGE_INDEX:
+            return super()._read_record(opcode, length)
+        self._stream.read(length)
+        return None
+
+
 def chunk_blocks(file: Path, topics: Mapping[int, str]) -> Iterator[Block]:
     """The messages of channels, whose `topics` are given by their numbers, as the file has them.
 
@@ -300,7 +310,7 @@ def chunk_blocks(file: Path, topics: Mapping[int, str]) -> Iterator[Block]:
     """
     loose: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
     with file.open("rb") as stream:
-        for record in StreamReader(stream, emit_chunks=True).records:
+        for record in _DataReader(stream, emit_chunks=True).records:
             if isinstance(record, Chunk):
                 data, size = get_chunk_data_stream(record, validate_crc=True)
                 yield from _messages(data.read(size), topics)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from crane_model.array import Array
 from crane_model.chain import PER_BODY, regressor
@@ -56,6 +55,8 @@ def reveal_rank(columns: Array, tolerance: float = 1e-9) -> Basis:
     others: its parameter is only seen in combination with theirs. Columns that hold nothing but
     rounding errors of the largest count as zero.
     """
+    from scipy.linalg import qr  # a third of a second to import
+
     norms = np.linalg.norm(columns, axis=0)
     seen = norms > _ROUNDING_SHARE * norms.max()
     scale = np.where(seen, norms, 1.0)

@@ -7,8 +7,8 @@ import pytest
 from unit.crane_identification.synthetic import RATE, axis_log, axis_model
 
 from crane_identification import diagnose, identify
-from crane_identification.data.arguments import Sources
 from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.sources import Sources
 from crane_identification.options import Options
 from crane_model.errors import DataError
 from crane_model.progress_bar import silent

@@ -27,6 +27,7 @@ from crane_identification.estimation.regression import (
     solve_weighted,
 )
 from crane_identification.options import Options
+from crane_identification.parallel import in_parallel
 from crane_identification.preparation.periodicity import periodic_part
 from crane_identification.preparation.prepare import Session, chronological, prepare, prepare_all
 from crane_identification.preparation.run import Preparation
@@ -231,20 +232,23 @@ def _averaged(
 
     Beside them, which of them do not have the period that was given.
     """
-    out: list[Preparation] = []
-    wrong = []
-    for log in logs:
+
+    def averaged(log: Log) -> tuple[list[Preparation], list[str]]:
         try:
             part = periodic_part(log, options.period)
-        except DataError as error:
-            if options.period is not None:
-                wrong.append(f"{error}. Its noise floor is not known.")
-            continue  # not periodic: no scatter
+        except DataError as error:  # not periodic: no scatter
+            told = f"{error}. Its noise floor is not known."
+            return [], [] if options.period is None else [told]
         try:
-            out += prepare(model, log, replace(options, average=True), part=part)
-        except DataError:
-            continue  # no whole period without a gap
-    return tuple(out), wrong
+            return prepare(model, log, replace(options, average=True), part=part), []
+        except DataError:  # no whole period without a gap
+            return [], []
+
+    found = in_parallel(averaged, logs)
+    return (
+        tuple(run for prepared, _ in found for run in prepared),
+        [told for _, wrong in found for told in wrong],
+    )
 
 
 def decimation(model: Model, training: Sequence[Preparation], given: int | None) -> int:

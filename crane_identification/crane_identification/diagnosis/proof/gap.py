@@ -26,6 +26,7 @@ from crane_identification.diagnosis.fit.evidence import (
 from crane_identification.diagnosis.fit.fit import Fitted
 from crane_identification.diagnosis.search.candidates import Weighed, with_own_loads
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
+from crane_identification.parallel import in_parallel
 from crane_identification.preparation.run import Preparation, noise_of_mean
 from crane_identification.signals.decimate import decimate
 from crane_identification.thresholds import Gates, Method, Thresholds
@@ -116,31 +117,31 @@ class Learnt:
 
 def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.ndarray) -> Learnt:
     """Predict the residual (n, j) of each fold (n,) from the others."""
-    prediction = np.zeros_like(residual)
-    share, strength = np.zeros((2, residual.shape[1]))
-    p_value = np.ones(residual.shape[1])
-    for j in range(residual.shape[1]):
-        used = evidence.used[:, j]
+
+    def learnt(j: int) -> tuple[np.ndarray, float, float, float]:
+        used, measured = evidence.used[:, j], residual[:, j]
+        prediction, gain = np.zeros((2, len(used)))
         if used.sum() < FEWEST_ROWS:
-            continue
-        gain = np.zeros(len(used))
+            return prediction, 0.0, 1.0, 0.0
         for number in np.unique(fold[used]):
             inside = used & (fold != number)
             outside = used & (fold == number)
             if inside.sum() < FEWEST_ROWS:
                 continue
-            model = fitted(known.values[inside], residual[inside, j])
+            model = fitted(known.values[inside], measured[inside])
             expected = model.predict(known.values[outside])
-            actual = residual[outside, j]
+            actual = measured[outside]
             gain[outside] = actual**2 - (actual - expected) ** 2
             if gain[outside].sum() > 0.0:
-                prediction[outside, j] = expected
-        power = float((residual[used, j] ** 2).sum())
-        left = float(((residual - prediction)[used, j] ** 2).sum())
-        share[j] = 1.0 - left / power if power > 0.0 else 0.0
-        strength[j] = np.sqrt(max(power - left, 0.0) / used.sum()) / evidence.force_rms[j]
-        p_value[j] = _by_chance(gain[used])
-    return Learnt(prediction, share, p_value, strength)
+                prediction[outside] = expected
+        power = float((measured[used] ** 2).sum())
+        left = float(((measured - prediction)[used] ** 2).sum())
+        share = 1.0 - left / power if power > 0.0 else 0.0
+        strength = np.sqrt(max(power - left, 0.0) / used.sum()) / evidence.force_rms[j]
+        return prediction, share, _by_chance(gain[used]), strength
+
+    prediction, *figures = zip(*in_parallel(learnt, range(residual.shape[1])), strict=True)
+    return Learnt(np.stack(prediction, axis=1), *map(np.array, figures))
 
 
 def _by_chance(gain: np.ndarray) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from crane_identification.diagnosis.fit.evidence import Evidence, residual
 from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.parallel import in_parallel
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
@@ -296,10 +297,11 @@ def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
             continue
         parts = heavier(evidence, cls) if cls.carries_loads else ()
         out += [
-            Candidate(cls, joint, _given(model, evidence, cls, joint), parts)
-            for joint in joints_of(cls, model.setting) or (None,)
+            Candidate(cls, joint, parts=parts) for joint in joints_of(cls, model.setting) or (None,)
         ]
-    return [candidate for candidate in out if (candidate.type, candidate.joint) not in present]
+    absent = [each for each in out if (each.type, each.joint) not in present]
+    given = in_parallel(lambda each: _given(model, evidence, each.term, each.joint), absent)
+    return [replace(each, given=fields) for each, fields in zip(absent, given, strict=True)]
 
 
 def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None) -> Given:
@@ -356,19 +358,21 @@ def observed(
     """The candidates at their shapes, and why some, or some of their parameters, are not observable
     in these recordings.
     """
-    found: list[ShapedCandidate] = []
-    absent: dict[Candidate, str] = {}
-    for number, candidate in enumerate(wanted):
-        try:
-            own = [at_shape(evidence, candidate, shape) for shape in candidate.grid()]
-            found += own
-            if lost := _not_shown(own, evidence.model.setting):
-                absent[candidate] = f"{', '.join(lost)}: no recording comes where it would show"
-        except CraneError as error:
-            found = [one for one in found if one.candidate != candidate]
-            absent[candidate] = str(error)
+
+    def shaped(number: int) -> tuple[list[ShapedCandidate], str]:
         progress("candidates", (number + 1) / len(wanted))
-    return found, absent
+        try:
+            own = [at_shape(evidence, wanted[number], shape) for shape in wanted[number].grid()]
+            lost = _not_shown(own, evidence.model.setting)
+        except CraneError as error:
+            return [], str(error)
+        return own, f"{', '.join(lost)}: no recording comes where it would show" if lost else ""
+
+    found = in_parallel(shaped, range(len(wanted)))
+    absent = {
+        candidate: reason for candidate, (_, reason) in zip(wanted, found, strict=True) if reason
+    }
+    return [each for shapes, _ in found for each in shapes], absent
 
 
 def _not_shown(shapes: Sequence[ShapedCandidate], setting: Setting) -> list[str]:

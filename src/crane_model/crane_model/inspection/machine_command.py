@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from crane_model import cli
 from crane_model.array import Array
@@ -28,12 +27,18 @@ from crane_model.urdf_reading import (
     prior_file,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 ARM, CYLINDER, LINK, REACH, JOINT = "#e07b1a", "#1f5fa8", "#7a8691", "#c2cad1", "#333333"
 POSE_NAMES = ("all joints at their lower limits", "in the middle", "at their upper limits")
 
 
-def picture(machine: Machine) -> Figure:
+def picture(machine: Machine) -> "Figure":
     """Side views in the upright plane from the base to the tip, and the lever arms [m]."""
+    from matplotlib.figure import Figure  # half a second to import
+
     figure = Figure(figsize=(15.0, 4.6), layout="constrained")
     *sides, last = figure.subplots(1, 4)
     places = reached(machine)
@@ -68,14 +73,14 @@ def _seen(machine: Machine, q: Array, places: Array) -> tuple[Array, Array]:
     return places @ _ahead(machine, q), places @ (-machine.gravity_vector / machine.gravity)
 
 
-def _reach(axes: Axes, machine: Machine, places: Array) -> None:
+def _reach(axes: "Axes", machine: Machine, places: Array) -> None:
     up = -machine.gravity_vector / machine.gravity
     height = places @ up
     radius = np.linalg.norm(places - height[:, None] * up, axis=1)
     axes.plot(radius, height, ",", color=REACH, zorder=0, rasterized=True)
 
 
-def _arm(axes: Axes, machine: Machine, q: Array) -> None:
+def _arm(axes: "Axes", machine: Machine, q: Array) -> None:
     joints = placed_joints(machine, q)
     line = [np.zeros(3), *joints[:, :3, 3], tip_position(machine, q)[0]]
     axes.plot(*_seen(machine, q, np.array(line)), "-", color=ARM, linewidth=3.0, zorder=1)
@@ -87,7 +92,7 @@ def _arm(axes: Axes, machine: Machine, q: Array) -> None:
         axes.plot(*_seen(machine, q, ends), ".", color=JOINT, markersize=5, zorder=3)
 
 
-def _levers(axes: Axes, machine: Machine) -> None:
+def _levers(axes: "Axes", machine: Machine) -> None:
     for travel in travels(machine):
         limits = machine.limits[travel.joint]
         grid = np.linspace(limits.position_min, limits.position_max, 201)

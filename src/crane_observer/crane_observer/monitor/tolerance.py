@@ -39,7 +39,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, linprog
 
 from crane_model.array import Array, Flags
 from crane_model.configuration import NonNegative, Positive, Schema
@@ -463,6 +462,8 @@ def _robust(residual: Array, columns: Array) -> Array:
     moving = np.any(columns != 0.0, axis=1)
     columns, residual = columns[moving] * TRIM_EXPECTED, residual[moving]
     share = np.zeros(TERMS)
+    from scipy.optimize import least_squares  # half a second to import
+
     for _ in range(TRIM_ROUNDS):
         usual = float(np.median(np.abs(residual - columns @ share))) if len(residual) else 0.0
         if usual == 0.0:
@@ -500,6 +501,8 @@ def _row(recordings: Sequence[Sums], at_least: tuple[float, ...]) -> tuple[float
     rows, wanted = np.concatenate(beyond), np.concatenate(asked)
     if not len(rows):
         return tuple(least.tolist())
+    from scipy.optimize import linprog
+
     size = wanted[:, None]  # so that small and large count alike within the solver's tolerance
     found = linprog(
         cost * least, -rows / size, -np.ones(len(rows)), bounds=[(1.0, None)] * len(least)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from unit.crane_identification.synthetic import crane_log
 
-from crane_identification.data.arguments import refuse_copies, refuse_overlap
+from crane_identification.data.sources import refuse_copies, refuse_overlap
 from crane_model.errors import DataError
 
 A, B, C = Path("a"), Path("b"), Path("c")
