@@ -15,7 +15,7 @@ import numpy as np
 
 from crane_identification.estimation.consistent import physics
 from crane_identification.estimation.prior import PriorFile, size_of, ten_of_bodies
-from crane_identification.notation import is_determined, plain
+from crane_identification.notation import plain
 from crane_model import cli
 from crane_model.base_parameters import standard_from_chain
 from crane_model.chain import PER_BODY, TEN_FROM_PSEUDO_INERTIA, pseudo_inertia
@@ -253,8 +253,8 @@ def _friction(model: Model, joint: str) -> JointFriction:
         (k,) = range(len(model.parameters))[model.part(term)]
         parameter, value = model.parameters[k], float(model.theta[k])
         std_dev = float(_std_devs(model)[k])
-        if is_determined(value, std_dev, parameter.minimum):
-            values[term.type] = max(value, 0.0)
+        if std_dev < value:
+            values[term.type] = value
             words.append(f"{term.type} {plain(value)} ± {plain(std_dev)} {parameter.unit}")
         else:
             words.append(f"{term.type} not determined, 0")

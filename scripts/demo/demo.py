@@ -30,7 +30,6 @@ from tables import bags_table, errors_table, table
 
 from crane_benchmark.rehearsal.crane_run import CraneRun, identify
 from crane_benchmark.rehearsal.live_node import follow, foreign_domain
-from crane_benchmark.rehearsal.operator_node import joint_to_lose
 from crane_benchmark.rehearsal.processes import ProcessError, Processes
 from crane_benchmark.rehearsal.tried import CONTROLLER, refusal
 from crane_identification.report import terminal
@@ -157,7 +156,7 @@ def _unplug(
 ) -> Unplugged | None:
     """An encoder that fails in motion: what became of it, or None if none may fail."""
     say = steps.console.print
-    joint = joint_to_lose(law)
+    joint = unplugged.joint_to_lose(law)
     if not joint:
         say("no encoder is unplugged: safety.yaml permits no substitute")
         return None

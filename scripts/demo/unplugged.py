@@ -22,6 +22,7 @@ from crane_benchmark.rehearsal.operator_node import OperatorNode, pull_plug
 from crane_benchmark.rehearsal.processes import Processes
 from crane_benchmark.rehearsal.tried import CONTROLLER
 from crane_driver.operator.jog.jog_input import JOINT_KEYS
+from crane_driver.safety.commands import load_safety
 from crane_interfaces.msg import DriverState
 from crane_model.machine import load_machine
 from crane_model.model_file import load_model
@@ -42,6 +43,16 @@ class Pulled(NamedTuple):
     joint: str
     at: int
     home: int
+
+
+def joint_to_lose(law: CraneRun) -> str:
+    """The last joint that turns of those whose encoder may be replaced; empty if there is none."""
+    machine = load_machine(law.machine)
+    degraded = load_safety(law.file("safety.yaml"), machine).degraded
+    permitted = degraded.deviation if degraded else {}
+    known = load_model(law.fitted).joints
+    turning = [j for j in known if j in permitted and machine.units[j] == "rad"]
+    return turning[-1] if turning else ""
 
 
 def unplug(suite: Processes, domain: int, law: CraneRun, seed: int, joint: str, say: Say) -> Pulled:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from crane_benchmark.rehearsal.crane_run import CraneRun
@@ -51,10 +52,7 @@ def bring_up(
     for number, step in enumerate(STEPS, start=1):
         mapping = series.newest(MAPPING_FILE)
         start_driver(suite, run, port, *(("-p", f"mapping:={mapping}") if mapping else ()))
-        suite.until(
-            lambda number=number: suite.said("driver").count("ready: ") >= number,  # type: ignore[misc]
-            "the driver does not become ready",
-        )
+        suite.until(partial(_ready, suite, number), "the driver does not become ready")
         if step == "pressures":
             suite.tell("crane", "engine=off")
         _answered(suite, f"bringup_{step}", step, series.folder, joints, yes)
@@ -63,6 +61,11 @@ def bring_up(
         suite.stop("driver")
     suite.stop("crane")
     return _measured(series, joints, simulated)
+
+
+def _ready(suite: Processes, times: int) -> bool:
+    """Return whether the driver has become ready so often; its log goes on when it restarts."""
+    return suite.said("driver").count("ready: ") >= times
 
 
 def _answered(

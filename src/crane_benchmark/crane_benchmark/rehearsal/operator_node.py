@@ -25,12 +25,9 @@ from crane_benchmark.rehearsal.live_node import (
 from crane_benchmark.rehearsal.outcome import LostEncoder
 from crane_benchmark.rehearsal.processes import ProcessError, Processes
 from crane_benchmark.rehearsal.tried import CONTROLLER
-from crane_driver.safety.commands import load_safety
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import DriverState, PositionEstimate, SensorFindings
 from crane_interfaces.srv import SubstituteEncoder
-from crane_model.machine import load_machine
-from crane_model.model_file import load_model
 from crane_nodes.driver_client import LATCHED
 from crane_nodes.node_time import nanoseconds
 
@@ -147,16 +144,6 @@ class OperatorNode(Onlooker):
 
     def _found(self, message: SensorFindings) -> None:
         self.named = tuple(message.joint)
-
-
-def joint_to_lose(run: CraneRun) -> str:
-    """The last joint that turns of those whose encoder may be replaced; empty if there is none."""
-    machine = load_machine(run.machine)
-    degraded = load_safety(run.file("safety.yaml"), machine).degraded
-    permitted = degraded.deviation if degraded else {}
-    known = load_model(run.fitted).joints
-    turning = [j for j in known if j in permitted and machine.units[j] == "rad"]
-    return turning[-1] if turning else ""
 
 
 def pull_plug(

@@ -4,7 +4,6 @@ from typing import Self
 
 from crane_benchmark.rehearsal.bring_up import RehearsedValve
 from crane_benchmark.rehearsal.tried import RehearsedFault, RehearsedMargin, StoppingDistance
-from crane_identification.notation import is_determined
 from crane_identification.report.summary import ParameterSummary
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
@@ -24,7 +23,7 @@ class RehearsedParameter(ResultPart):
     true_value: float
     """In the simulated crane [unit]."""
     value: Number
-    """Estimate [unit]; null if it is not determined."""
+    """Estimate [unit]; null if its standard deviation exceeds the true value."""
     std_dev: Number
     """Standard deviation of the estimate [unit]."""
     recovered: bool
@@ -34,14 +33,19 @@ class RehearsedParameter(ResultPart):
     def of(cls, found: ParameterSummary, true: float) -> Self:
         """The estimate next to the true value."""
         value, std_dev = found.value, found.std_dev
-        known = value is not None and std_dev is not None and is_determined(value, std_dev)
-        recovered = known and abs(value - true) <= max(SIGMAS * std_dev, EXACT_SHARE * abs(true))  # type: ignore[operator]
+        if value is None or std_dev is None or std_dev > abs(true) > 0.0:
+            value = std_dev = None
+        recovered = (
+            value is not None
+            and std_dev is not None
+            and abs(value - true) <= max(SIGMAS * std_dev, EXACT_SHARE * abs(true))
+        )
         return cls(
             name=found.name,
             unit=found.unit,
             true_value=true,
-            value=value if known else None,
-            std_dev=std_dev if known else None,
+            value=value,
+            std_dev=std_dev,
             recovered=recovered,
         )
 

@@ -1,7 +1,7 @@
 """rehearsal.html: the report of a rehearsal, one file without network."""
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,77 +10,59 @@ from crane_benchmark.rehearsal.tried import OFF_WITHIN
 from crane_driver.operator.bringup.rehearsed import NOT_CHECKED, REHEARSAL_FILE
 from crane_identification.notation import percent, plain, spoken
 from crane_identification.report.html import PageLink, part, rendered
-from crane_identification.report.terminal import rounded
+from crane_model.hydraulics import JointHydraulics
 from crane_model.machine import Machine
+from crane_trajectory.control.choice import PD_DEAD_ZONE
 from crane_trajectory.tune import SCALES, WANTED_SCALE
 
 PAGE = "rehearsal.html"
-NONE = "–"
-STYLE = "crane_identification.report"
 LINKED = {
     "report.html": "identification",
-    "bringup": "results of bring-up",
+    "bringup": "bring-up",
     "bags": "recordings",
     "logs": "logs",
     REHEARSAL_FILE: "all numbers",
 }
 
 
-class ParameterRow(NamedTuple):
-    """A parameter next to its true value."""
-
-    name: str
-    true: str
-    value: str
-    std_dev: str
-    off: str  # in standard deviations
-    unit: str
-    recovered: bool
-
-
 class PageRow(NamedTuple):
-    """A row of another table; `good` marks it."""
+    """A row of a table."""
 
     heading: str
     cells: tuple[str, ...]
-    good: bool
+    good: bool = True
 
 
-def write(path: Path, outcome: Rehearsal, machine: Machine, name: str) -> None:
-    """Write the page; `name` is how the user named the machine."""
-    path.write_text(render(outcome, machine, name, path.parent), encoding="utf-8")
+class PageTable(NamedTuple):
+    """A table: the column `judged` is marked in rows that are not good, `texts` are no numbers."""
+
+    heads: tuple[str, ...]
+    rows: Sequence[PageRow]
+    judged: int = 0
+    texts: tuple[int, ...] = (0,)
+
+
+class PageSection(NamedTuple):
+    """A section of the page."""
+
+    title: str
+    text: str
+    tables: Sequence[PageTable] = ()
+    lines: Sequence[str] = ()
 
 
 def render(outcome: Rehearsal, machine: Machine, name: str, folder: Path) -> str:
-    """Return the page as HTML."""
-    mechanics, hydraulics = _kinds(outcome, machine)
-    words = ["--machine", name, "--out", str(folder)]
+    """Return the page for a folder as HTML; `name` is how the user named the machine."""
+    words = ["ros2", "run", "crane_benchmark", "rehearse", "--machine", name, "--out", str(folder)]
     return rendered(
         __package__,
         {},
         outcome=outcome,
         verdict=verdict(outcome, machine),
-        valves=list(_valves(outcome)),
-        mechanics=[_parameter(found) for found in mechanics],
-        hydraulics=[_parameter(found) for found in hydraulics if not found.recovered],
-        recovered=_recovered(hydraulics),
-        forces=[
-            PageRow(spoken(joint), (_share(error), _share(outcome.noise_floor.get(joint))), True)
-            for joint, error in outcome.heldout_relative_error.items()
-        ],
-        control=list(_control(outcome, machine)),
-        delay=f"{1e3 * outcome.margins[0].delay:.0f}" if outcome.margins else "",
-        wanted=f"{WANTED_SCALE:g}",
-        stopping=list(_stopping(outcome, machine)),
-        lost=_lost(outcome),
-        faults=list(_faults(outcome, machine)),
-        off_within=f"{OFF_WITHIN:g}",
-        sigmas=f"{SIGMAS:g}",
-        share=percent(EXACT_SHARE),
-        not_checked=NOT_CHECKED,
-        command=shlex.join(["ros2", "run", "crane_benchmark", "rehearse", *words]),
+        sections=_sections(outcome, machine),
+        command=shlex.join(words),
         links=[PageLink(text, file) for file, text in LINKED.items() if (folder / file).exists()],
-        style=part(STYLE, "page.css"),
+        style=part("crane_identification.report", "page.css"),
     )
 
 
@@ -89,34 +71,31 @@ def verdict(outcome: Rehearsal, machine: Machine) -> list[str]:
     if outcome.failed:
         return [f"Not complete: {', '.join(outcome.failed)} failed."]
     mechanics, hydraulics = _kinds(outcome, machine)
-    far = [found for found in outcome.stopping if found.distance > found.allowed]
-    named = sum(found.right for found in outcome.faults)
+    far = {spoken(found.joint) for found in outcome.stopping if found.distance > found.allowed}
     weak = {
         spoken(found.joint)
         for found in outcome.margins
-        if found.controller != next(iter(outcome.tracking)) and found.gain_margin < WANTED_SCALE
+        if found.controller != PD_DEAD_ZONE and found.gain_margin < WANTED_SCALE
     }
     return [
         f"Complete. {_recovered(mechanics)} parameters of the mechanics and "
         f"{_recovered(hydraulics)} of the hydraulics were recovered.",
-        f"The gain margin at the measured delay is below {WANTED_SCALE:g} on "
-        f"{', '.join(sorted(weak))}."
+        f"The gain margin at the measured delay is too small on {', '.join(sorted(weak))}."
         if weak
-        else "All gain margins at the measured delay suffice.",
-        "Each joint stops as safety.yaml assumes."
-        if not far
-        else f"{', '.join(sorted({spoken(found.joint) for found in far}))} needs more way to stop "
-        "than safety.yaml assumes: lower its deceleration.",
-        f"The sensor monitor named {named} of {len(outcome.faults)} injected faults.",
+        else "The model-based controller has sufficient gain margins at the measured delay.",
+        f"{', '.join(sorted(far))}: the stopping distance is longer than safety.yaml assumes; "
+        "lower the deceleration there."
+        if far
+        else "Each joint stops as safety.yaml assumes.",
+        f"The sensor monitor named {sum(found.right for found in outcome.faults)} of "
+        f"{len(outcome.faults)} injected faults.",
     ]
 
 
 def _kinds(
     outcome: Rehearsal, machine: Machine
 ) -> tuple[list[RehearsedParameter], list[RehearsedParameter]]:
-    """Parameters of mechanics and of hydraulics; identification lists them in this order."""
-    from crane_model.hydraulics import JointHydraulics
-
+    """Parameters of mechanics and of hydraulics."""
     names = {f"{name}.{joint}" for joint in machine.joint_names for name in JointHydraulics.units}
     every = outcome.parameters
     return (
@@ -125,48 +104,172 @@ def _kinds(
     )
 
 
-def _recovered(found: list[RehearsedParameter]) -> str:
+def _recovered(found: Sequence[RehearsedParameter]) -> str:
     return f"{sum(one.recovered for one in found)} of {len(found)}"
 
 
-def _parameter(found: RehearsedParameter) -> ParameterRow:
-    true = plain(found.true_value, 4)
-    if found.value is None or not found.std_dev:
-        return ParameterRow(found.name, true, "not determined", "", NONE, found.unit, False)
-    off = (found.value - found.true_value) / found.std_dev
-    return ParameterRow(
-        found.name,
-        rounded(found.true_value, found.std_dev) if abs(found.true_value) >= 0.01 else true,
-        rounded(found.value, found.std_dev) if abs(found.value) >= 0.01 else plain(found.value, 4),
-        plain(found.std_dev, 2),
-        f"{off:+.1f}",
-        found.unit,
-        found.recovered,
+def _sections(outcome: Rehearsal, machine: Machine) -> list[PageSection]:
+    mechanics, hydraulics = _kinds(outcome, machine)
+    delay = f"{1e3 * outcome.margins[0].delay:.0f} ms" if outcome.margins else "not known"
+    lost = outcome.lost_encoder
+    noticed = "" if lost is None else (
+        f"With the driver running, the encoder of the {spoken(lost.joint)} froze in motion: "
+        f"{lost.named_by} named it after {lost.seconds_to_name:.2f} s, and all valves were "
+        f"commanded neutral after {lost.seconds_to_neutral:.2f} s. "
+    )  # fmt: skip
+    return [
+        PageSection(
+            "Bring-up",
+            "The steps pressures, valves, dead_band and gains, with one repeat. The step encoders "
+            "needs a person who moves the joints and was left out.",
+            [_valves(outcome)] if outcome.valves else [],
+        ),
+        PageSection(
+            "Parameters",
+            f"An estimate counts as recovered within {SIGMAS:g} σ or {percent(EXACT_SHARE)} of the "
+            f"true value. Of the hydraulics, {_recovered(hydraulics)} values were recovered; the "
+            "last table shows only the others.",
+            [
+                _parameters("Mechanics", mechanics),
+                _forces(outcome),
+                _parameters("Hydraulics", [one for one in hydraulics if not one.recovered]),
+            ]
+            if mechanics
+            else [],
+        ),
+        PageSection(
+            "Control and margins",
+            "The tracking error is measured with the driver, and simulated with the identified "
+            "model. The gain margin is the largest factor of the gains without oscillation; it "
+            f"should be at least {WANTED_SCALE:g}. The measured delay of the loop is {delay}.",
+            [_control(outcome, machine)] if outcome.margins else [],
+        ),
+        PageSection(
+            "Stopping distances",
+            "Each joint is brought towards its largest speed; then its command falls to neutral "
+            "within the ramp time of safety.yaml. The driver keeps the distance of the last column "
+            "before a limit, by the deceleration and the reaction time in safety.yaml.",
+            [_stopping(outcome, machine)] if outcome.stopping else [],
+        ),
+        PageSection(
+            "Sensor faults",
+            f"{noticed}The other faults begin in mid-motion, each in a recording of its own "
+            "without the safety functions of the driver. The table shows the largest distance of "
+            f"the joint from its reference within {OFF_WITHIN:g} s, with and without the fault, "
+            "and the first finding of the sensor monitor.",
+            [_faults(outcome, machine)] if outcome.faults else [],
+        ),
+        PageSection("What a rehearsal does not check", "", lines=NOT_CHECKED),
+    ]
+
+
+def _valves(outcome: Rehearsal) -> PageTable:
+    return PageTable(
+        ("Joint", "sign of the command", "dead band +", "dead band −", "true +", "true −"),
+        [
+            PageRow(
+                spoken(found.joint),
+                (
+                    "as in can.yaml" if found.sign_stays else "to be changed",
+                    *(f"{band:.4f}" for band in (*found.dead_band, *found.true_dead_band)),
+                ),
+                found.sign_stays,
+            )
+            for found in outcome.valves
+        ],
+        judged=1,
+        texts=(0, 1),
     )
 
 
-def _valves(outcome: Rehearsal) -> Iterator[PageRow]:
-    for found in outcome.valves:
-        bands = [f"{band:.4f}" for band in (*found.dead_band, *found.true_dead_band)]
-        sign = "as in can.yaml" if found.sign_stays else "to be changed"
-        yield PageRow(spoken(found.joint), (sign, *bands), found.sign_stays)
+def _parameters(title: str, parameters: Iterable[RehearsedParameter]) -> PageTable:
+    return PageTable(
+        (title, "true", "identified", "± σ", "unit", "off by [σ]"),
+        [
+            PageRow(
+                found.name,
+                (
+                    plain(found.true_value, 5),
+                    "not determined" if found.value is None else plain(found.value, 5),
+                    "" if found.std_dev is None else plain(found.std_dev, 2),
+                    found.unit,
+                    f"{(found.value - found.true_value) / found.std_dev:+.1f}"
+                    if found.value is not None and found.std_dev
+                    else "–",
+                ),
+                found.recovered,
+            )
+            for found in parameters
+        ],
+        judged=5,
+        texts=(0, 4),
+    )
 
 
-def _control(outcome: Rehearsal, machine: Machine) -> Iterator[PageRow]:
-    for found in outcome.margins:
-        unit = machine.units[found.joint]
-        live = outcome.tracking.get(found.controller, {}).get(found.joint)
-        yield PageRow(
-            spoken(found.joint),
-            (
-                found.controller,
-                _milli(live, unit),
-                _milli(found.error, unit),
-                _margin(found.gain_margin),
-                _margin(found.gain_margin_twice),
-            ),
-            found.gain_margin >= WANTED_SCALE,
-        )
+def _forces(outcome: Rehearsal) -> PageTable:
+    return PageTable(
+        ("Joint", "force unexplained, validation", "noise floor"),
+        [
+            PageRow(spoken(joint), (_share(error), _share(outcome.noise_floor.get(joint))))
+            for joint, error in outcome.heldout_relative_error.items()
+        ],
+    )
+
+
+def _control(outcome: Rehearsal, machine: Machine) -> PageTable:
+    return PageTable(
+        ("Joint", "controller", "error, driver", "simulated", "gain margin", "at twice the delay"),
+        [
+            PageRow(
+                spoken(found.joint),
+                (
+                    found.controller,
+                    _milli(
+                        outcome.tracking.get(found.controller, {}).get(found.joint),
+                        machine.units[found.joint],
+                    ),
+                    _milli(found.error, machine.units[found.joint]),
+                    _margin(found.gain_margin),
+                    _margin(found.gain_margin_twice),
+                ),
+                found.gain_margin >= WANTED_SCALE,
+            )
+            for found in outcome.margins
+        ],
+        judged=4,
+        texts=(0, 1),
+    )
+
+
+def _stopping(outcome: Rehearsal, machine: Machine) -> PageTable:
+    return PageTable(
+        ("Joint", "speed", "stops within", "safety.yaml assumes"),
+        [
+            PageRow(
+                f"{spoken(found.joint)} {'up' if found.direction > 0 else 'down'}",
+                (
+                    f"{found.speed:.2f} {machine.units[found.joint]}/s",
+                    _milli(found.distance, machine.units[found.joint]),
+                    _milli(found.allowed, machine.units[found.joint]),
+                ),
+                found.distance <= found.allowed,
+            )
+            for found in outcome.stopping
+        ],
+        judged=2,
+    )
+
+
+def _faults(outcome: Rehearsal, machine: Machine) -> PageTable:
+    rows = []
+    for found in outcome.faults:
+        unit = machine.units.get(found.fault.partition(".")[0], "")
+        seconds = "–" if found.seconds is None else f"{found.seconds:.1f} s"
+        off = _milli(found.off, unit), _milli(found.usual, unit)
+        heading = found.fault.replace(".", " ").replace("_", " ")
+        rows.append(PageRow(heading, (*off, found.named or "nothing", seconds), found.right))
+    heads = ("Fault", "joint off by", "without it", "the monitor named", "after")
+    return PageTable(heads, rows, judged=3, texts=(0, 3))
 
 
 def _margin(margin: float) -> str:
@@ -175,47 +278,9 @@ def _margin(margin: float) -> str:
     return f"{'at least ' if margin == SCALES[-1] else ''}{margin:g}"
 
 
-def _stopping(outcome: Rehearsal, machine: Machine) -> Iterator[PageRow]:
-    for found in outcome.stopping:
-        unit = machine.units[found.joint]
-        yield PageRow(
-            f"{spoken(found.joint)} {'up' if found.direction > 0 else 'down'}",
-            (
-                f"{found.speed:.2f} {unit}/s",
-                _milli(found.distance, unit),
-                _milli(found.allowed, unit),
-            ),
-            found.distance <= found.allowed,
-        )
-
-
-def _lost(outcome: Rehearsal) -> str:
-    lost = outcome.lost_encoder
-    if lost is None:
-        return ""
-    return (
-        f"The encoder of the {spoken(lost.joint)} froze in motion, with the driver running: "
-        f"{lost.named_by} named it after {lost.seconds_to_name:.2f} s, and all valves were "
-        f"commanded neutral after {lost.seconds_to_neutral:.2f} s."
-    )
-
-
-def _faults(outcome: Rehearsal, machine: Machine) -> Iterator[PageRow]:
-    for found in outcome.faults:
-        unit = machine.units.get(found.fault.partition(".")[0], "")
-        seconds = NONE if found.seconds is None else f"{found.seconds:.1f} s"
-        cells = (
-            _milli(found.off, unit),
-            _milli(found.usual, unit),
-            found.named or "nothing",
-            seconds,
-        )
-        yield PageRow(found.fault.replace(".", " ").replace("_", " "), cells, found.right)
-
-
 def _milli(value: float | None, unit: str) -> str:
-    return NONE if value is None else f"{plain(1e3 * value)} m{unit}"
+    return "–" if value is None else f"{plain(1e3 * value)} m{unit}"
 
 
 def _share(value: float | None) -> str:
-    return NONE if value is None else percent(value)
+    return "–" if value is None else percent(value)

@@ -47,7 +47,7 @@ from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.run_excitation_node import ExcitationResult
 
 MARK = ".rehearsal"  # file that marks a folder of results, which --replace may delete
-VALIDATION_PERIODS = 1
+VALIDATION_PERIODS = 2
 STEP_NAMES = ("bring-up", "excitation", "identification", "control", "encoder fault", "trials")
 
 
@@ -120,7 +120,8 @@ def _rehearse(request: RehearsalRequest) -> None:
         **rehearsed.results,
     )
     outcome.write(run.folder / REHEARSAL_FILE)
-    page.write(run.folder / page.PAGE, outcome, machine, name)
+    html = page.render(outcome, machine, name, run.folder)
+    (run.folder / page.PAGE).write_text(html, encoding="utf-8")
     print(f"report: {run.folder / page.PAGE}")
     if outcome.failed:
         raise IncompleteRehearsalError(
