@@ -103,6 +103,11 @@ def identified_bodies(model: Model, prior: Path | str | None = None) -> Identifi
     combinations = bodies.base @ to_planar
     values, std_devs = model.theta[bodies.part], _std_devs(model)[bodies.part]
     known = std_devs < np.linalg.norm(combinations * spread.ravel(), axis=1)
+    if not known.any():
+        raise DataError(
+            f"model '{model.name}': the prior knows its rigid bodies better than the recordings "
+            "do; record motions that show them, and identify it again"
+        )
     rows = np.vstack([combinations[known], bodies.none @ to_planar])
     wanted = np.concatenate([values[known], np.zeros(len(bodies.none))])
     ten = _nearest(rows, wanted, before, before[:, 0] / spread[:, 0], model.name)
@@ -117,7 +122,14 @@ def identified_bodies(model: Model, prior: Path | str | None = None) -> Identifi
 def _before(machine: Machine, prior: Path | str | None) -> tuple[np.ndarray, np.ndarray]:
     """The bodies of the prior and their standard deviations, (m, 10) each."""
     if prior is not None:
-        return ten_of_bodies(machine, load(prior, PriorFile).bodies, prior)
+        ten, std_devs = ten_of_bodies(machine, load(prior, PriorFile).bodies, prior)
+        least = np.linalg.eigvalsh(pseudo_inertia(ten))[:, 0]
+        if (least <= 0.0).any():
+            raise ConfigurationError(
+                f"{prior}: bodies: {machine.joints[int(np.argmin(least))].name} has no extent in "
+                "some direction; make its largest moment of inertia smaller"
+            )
+        return ten, std_devs
     bars = np.array([_bar(end, width) for end, width in link_bars(machine)])
     return bars, np.array([size_of(bar) for bar in bars])
 
@@ -258,9 +270,9 @@ def _friction(model: Model, joint: str) -> JointFriction:
             words.append(f"{term.type} {plain(value)} ± {plain(std_dev)} {parameter.unit}")
         else:
             words.append(f"{term.type} not determined, 0")
-    return JointFriction(
-        *values.values(), f"{joint}: {', '.join(words) or 'no friction in the model'}"
-    )
+    coulomb, viscous = values.values()
+    comment = f"{joint}: {', '.join(words) or 'no friction in the model'}"
+    return JointFriction(coulomb, viscous, comment)
 
 
 def _comments(model: Model, machine: Machine, source: str) -> list[str]:

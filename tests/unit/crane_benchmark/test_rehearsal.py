@@ -12,7 +12,7 @@ from crane_benchmark.rehearsal.tried import (
     RehearsedFault,
     RehearsedMargin,
     StoppingDistance,
-    checked_faults,
+    check_faults,
     every_kind,
     stopping_distances,
 )
@@ -127,9 +127,9 @@ def test_stopping_distances_grow_with_the_ramp() -> None:
 def test_faults_are_those_of_the_machine() -> None:
     faults = every_kind(MACHINE, "boom")
     assert {"boom.encoder.stuck", "boom.valve.slow", "boom.pressures.swapped"} <= set(faults)
-    assert checked_faults(faults, MACHINE) == faults
+    check_faults(faults, MACHINE)
     with pytest.raises(ConfigurationError, match="leave out @SECONDS"):
-        checked_faults(["boom.encoder.stuck@3"], MACHINE)
+        check_faults(["boom.encoder.stuck@3"], MACHINE)
 
 
 def test_a_folder_of_something_else_is_never_deleted(

@@ -75,7 +75,7 @@ class Rehearsal(ResultFile):
     failed: dict[str, str]
     """Errors by step; empty if the rehearsal is complete."""
     seed: int
-    """Of sensor noise."""
+    """Of sensor noise [-]."""
     wall_seconds: float
     """How long the rehearsal took [s]."""
     valves: list[RehearsedValve] = []

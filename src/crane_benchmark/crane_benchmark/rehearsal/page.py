@@ -164,100 +164,58 @@ def _sections(outcome: Rehearsal, machine: Machine) -> list[PageSection]:
 
 
 def _valves(outcome: Rehearsal) -> PageTable:
-    return PageTable(
-        ("Joint", "sign of the command", "dead band +", "dead band −", "true +", "true −"),
-        [
-            PageRow(
-                spoken(found.joint),
-                (
-                    "as in can.yaml" if found.sign_stays else "to be changed",
-                    *(f"{band:.4f}" for band in (*found.dead_band, *found.true_dead_band)),
-                ),
-                found.sign_stays,
-            )
-            for found in outcome.valves
-        ],
-        judged=1,
-        texts=(0, 1),
-    )
+    rows = []
+    for found in outcome.valves:
+        sign = "as in can.yaml" if found.sign_stays else "to be changed"
+        bands = (f"{band:.4f}" for band in (*found.dead_band, *found.true_dead_band))
+        rows.append(PageRow(spoken(found.joint), (sign, *bands), found.sign_stays))
+    heads = ("Joint", "sign of the command", "dead band +", "dead band −", "true +", "true −")
+    return PageTable(heads, rows, judged=1, texts=(0, 1))
 
 
 def _parameters(title: str, parameters: Iterable[RehearsedParameter]) -> PageTable:
-    return PageTable(
-        (title, "true", "identified", "± σ", "unit", "off by [σ]"),
-        [
-            PageRow(
-                found.name,
-                (
-                    plain(found.true_value, 5),
-                    "not determined" if found.value is None else plain(found.value, 5),
-                    "" if found.std_dev is None else plain(found.std_dev, 2),
-                    found.unit,
-                    f"{(found.value - found.true_value) / found.std_dev:+.1f}"
-                    if found.value is not None and found.std_dev
-                    else "–",
-                ),
-                found.recovered,
-            )
-            for found in parameters
-        ],
-        judged=5,
-        texts=(0, 4),
-    )
+    rows = []
+    for found in parameters:
+        value, std_dev, off = "not determined", "", "–"
+        if found.value is not None and found.std_dev:
+            value, std_dev = plain(found.value, 5), plain(found.std_dev, 2)
+            off = f"{(found.value - found.true_value) / found.std_dev:+.1f}"
+        cells = plain(found.true_value, 5), value, std_dev, found.unit, off
+        rows.append(PageRow(found.name, cells, found.recovered))
+    heads = (title, "true", "identified", "± σ", "unit", "off by [σ]")
+    return PageTable(heads, rows, judged=5, texts=(0, 4))
 
 
 def _forces(outcome: Rehearsal) -> PageTable:
-    return PageTable(
-        ("Joint", "force unexplained, validation", "noise floor"),
-        [
-            PageRow(spoken(joint), (_share(error), _share(outcome.noise_floor.get(joint))))
-            for joint, error in outcome.heldout_relative_error.items()
-        ],
-    )
+    rows = [
+        PageRow(spoken(joint), (_share(error), _share(outcome.noise_floor.get(joint))))
+        for joint, error in outcome.heldout_relative_error.items()
+    ]
+    return PageTable(("Joint", "force unexplained, validation", "noise floor"), rows)
 
 
 def _control(outcome: Rehearsal, machine: Machine) -> PageTable:
-    return PageTable(
-        ("Joint", "controller", "error, driver", "simulated", "gain margin", "at twice the delay"),
-        [
-            PageRow(
-                spoken(found.joint),
-                (
-                    found.controller,
-                    _milli(
-                        outcome.tracking.get(found.controller, {}).get(found.joint),
-                        machine.units[found.joint],
-                    ),
-                    _milli(found.error, machine.units[found.joint]),
-                    _margin(found.gain_margin),
-                    _margin(found.gain_margin_twice),
-                ),
-                found.gain_margin >= WANTED_SCALE,
-            )
-            for found in outcome.margins
-        ],
-        judged=4,
-        texts=(0, 1),
-    )
+    rows = []
+    for found in outcome.margins:
+        joint, unit = found.joint, machine.units[found.joint]
+        live = outcome.tracking.get(found.controller, {}).get(joint)
+        errors = _milli(live, unit), _milli(found.error, unit)
+        gains = _margin(found.gain_margin), _margin(found.gain_margin_twice)
+        good = found.gain_margin >= WANTED_SCALE
+        rows.append(PageRow(spoken(joint), (found.controller, *errors, *gains), good))
+    heads = ("Joint", "controller", "error, driver", "simulated", "gain margin", "twice the delay")
+    return PageTable(heads, rows, judged=4, texts=(0, 1))
 
 
 def _stopping(outcome: Rehearsal, machine: Machine) -> PageTable:
-    return PageTable(
-        ("Joint", "speed", "stops within", "safety.yaml assumes"),
-        [
-            PageRow(
-                f"{spoken(found.joint)} {'up' if found.direction > 0 else 'down'}",
-                (
-                    f"{found.speed:.2f} {machine.units[found.joint]}/s",
-                    _milli(found.distance, machine.units[found.joint]),
-                    _milli(found.allowed, machine.units[found.joint]),
-                ),
-                found.distance <= found.allowed,
-            )
-            for found in outcome.stopping
-        ],
-        judged=2,
-    )
+    rows = []
+    for found in outcome.stopping:
+        unit = machine.units[found.joint]
+        heading = f"{spoken(found.joint)} {'up' if found.direction > 0 else 'down'}"
+        distances = _milli(found.distance, unit), _milli(found.allowed, unit)
+        cells = (f"{found.speed:.2f} {unit}/s", *distances)
+        rows.append(PageRow(heading, cells, found.distance <= found.allowed))
+    return PageTable(("Joint", "speed", "stops within", "safety.yaml assumes"), rows, judged=2)
 
 
 def _faults(outcome: Rehearsal, machine: Machine) -> PageTable:

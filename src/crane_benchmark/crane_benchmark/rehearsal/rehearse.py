@@ -10,18 +10,31 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from domain_coordinator import domain_id
 
 from crane_benchmark.rehearsal import page
 from crane_benchmark.rehearsal.bring_up import bring_up
 from crane_benchmark.rehearsal.crane_run import EXCITATION, VALIDATION, CraneRun, identify
+from crane_benchmark.rehearsal.live_node import (
+    LEADING,
+    Onlooker,
+    experiment,
+    follow,
+    foreign_domain,
+    start,
+    stop,
+)
+from crane_benchmark.rehearsal.operator_node import lose_encoder
 from crane_benchmark.rehearsal.outcome import Rehearsal, RehearsedParameter
 from crane_benchmark.rehearsal.processes import Processes
 from crane_benchmark.rehearsal.tried import (
     CONTROLLER,
-    checked_faults,
+    check_faults,
     every_kind,
     margins,
     refusal,
@@ -104,11 +117,11 @@ def _rehearse(request: RehearsalRequest) -> None:
     machine, simulated = load_both(name, None)
     run = CraneRun("rehearsal", name, machine_file("simulated_crane.yaml", name), request.out)
     run.check()
-    faults = checked_faults(request.fault, machine)
+    check_faults(request.fault, machine)
     _make_folder(request)
     (run.folder / "bags").mkdir()
     began, digest = time.monotonic(), machine_digest(name)
-    rehearsed = _Rehearsal(run, machine, simulated, request, faults)
+    rehearsed = _Rehearsal(run, machine, simulated, request)
     rehearsed.all_steps()
     outcome = Rehearsal(
         machine=machine.name,
@@ -142,36 +155,26 @@ def _make_folder(request: RehearsalRequest) -> None:
     (out / MARK).touch()
 
 
+@dataclass
 class _Rehearsal:
     """The steps, what they found, and why those that failed did."""
 
-    def __init__(
-        self,
-        run: CraneRun,
-        machine: Machine,
-        simulated: SimulatedCrane,
-        request: RehearsalRequest,
-        faults: Sequence[str],
-    ):
-        self._run, self._machine, self._simulated = run, machine, simulated
-        self._request, self._faults = request, faults
-        self._joints = load_model(run.file("model.yaml")).joints
-        self.failed: dict[str, str] = {}
-        self.results: dict[str, object] = {}
+    run: CraneRun
+    machine: Machine
+    simulated: SimulatedCrane
+    request: RehearsalRequest
+    failed: dict[str, str] = field(default_factory=dict)
+    results: dict[str, Any] = field(default_factory=dict)
 
     def all_steps(self) -> None:
         """Run the steps; one that needs the result of a failed one is left out."""
-        from domain_coordinator import domain_id
-
-        from crane_benchmark.rehearsal import live_node
-
         with ExitStack() as stack:
-            domain = stack.enter_context(domain_id(live_node.foreign_domain))
-            environment = this_computer.patient_variables(os.environ, self._run.folder)
+            domain = stack.enter_context(domain_id(foreign_domain))
+            environment = this_computer.patient_variables(os.environ, self.run.folder)
             environment["ROS_DOMAIN_ID"] = str(domain)
             os.environ.update(environment)
-            suite = stack.enter_context(Processes(self._run.folder / "logs", environment, True))
-            self._run.note_true_values(suite)
+            suite = stack.enter_context(Processes(self.run.folder / "logs", environment, True))
+            self.run.note_true_values(suite)
             self._step("bring-up", suite, lambda: self._bring_up(suite))
             if self._step("excitation", suite, lambda: self._excite(suite, domain)) and self._step(
                 "identification", suite, lambda: self._identify(suite)
@@ -193,22 +196,21 @@ class _Rehearsal:
         return name not in self.failed
 
     def _bring_up(self, suite: Processes) -> None:
-        seed = self._request.seed
-        self.results["valves"] = bring_up(suite, self._run, self._joints, self._simulated, seed)
+        joints = load_model(self.run.file("model.yaml")).joints
+        seed = self.request.seed
+        self.results["valves"] = bring_up(suite, self.run, joints, self.simulated, seed)
 
     def _excite(self, suite: Processes, domain: int) -> None:
-        from crane_benchmark.rehearsal.live_node import LEADING, Onlooker, experiment, start, stop
-
-        run, periods = self._run, self._request.periods
+        run, periods = self.run, self.request.periods
         with Onlooker(suite, domain) as onlooker:
-            start(suite, run, self._request.seed, listeners=LEADING)
+            start(suite, run, self.request.seed, listeners=LEADING)
             experiment(suite, onlooker, run, "train", EXCITATION, periods, LEADING)
             experiment(suite, onlooker, run, "validate", VALIDATION, VALIDATION_PERIODS, LEADING)
             stop(suite)
 
     def _identify(self, suite: Processes) -> None:
-        identify(suite, self._run)
-        summary, true = self._run.summary(), self._run.true_values()
+        identify(suite, self.run)
+        summary, true = self.run.summary(), self.run.true_values()
         self.results["parameters"] = [
             RehearsedParameter.of(found, true[found.name])
             for found in (*summary.parameters, *summary.hydraulics)
@@ -218,28 +220,24 @@ class _Rehearsal:
         self.results["noise_floor"] = summary.noise_floor
 
     def _control(self, suite: Processes, domain: int) -> None:
-        from crane_benchmark.rehearsal.live_node import follow
-
-        found = ExcitationResult.read(self._run.result("train")).rms_tracking_error
+        found = ExcitationResult.read(self.run.result("train")).rms_tracking_error
         tracking = {PD_DEAD_ZONE: found}
         self.results["tracking"] = tracking
-        if why_not := refusal(self._run.machine, load_model(self._run.fitted)):
+        if why_not := refusal(self.run.machine, load_model(self.run.fitted)):
             raise DataError(f"the fitted model does not control the crane: {why_not}")
-        follow(suite, domain, self._run, self._request.seed, CONTROLLER, _unsaid)
-        tracking[CONTROLLER] = ExcitationResult.read(self._run.result("follow")).rms_tracking_error
+        follow(suite, domain, self.run, self.request.seed, CONTROLLER, _unsaid)
+        tracking[CONTROLLER] = ExcitationResult.read(self.run.result("follow")).rms_tracking_error
 
     def _lose_encoder(self, suite: Processes, domain: int) -> None:
-        from crane_benchmark.rehearsal.operator_node import lose_encoder
-
-        joint = _joint_to_fail(self._machine, self._joints)
-        lost = lose_encoder(suite, domain, self._run, self._request.seed, joint)
+        joint = _joint_to_fail(load_model(self.run.fitted))
+        lost = lose_encoder(suite, domain, self.run, self.request.seed, joint)
         self.results["lost_encoder"] = lost
 
     def _try(self) -> None:
-        run, machine, simulated = self._run, self._machine, self._simulated
+        run, machine, simulated = self.run, self.machine, self.simulated
         model = load_model(run.fitted)
         safety = load_safety(run.file("safety.yaml"), machine)
-        self.results["stopping"] = stopping_distances(machine, simulated, safety, self._joints)
+        self.results["stopping"] = stopping_distances(machine, simulated, safety, model.joints)
         self.results["margins"] = margins(run.machine, model, EXCITATION)
         motion = plan(
             machine,
@@ -248,10 +246,10 @@ class _Rehearsal:
             1,
             load_clearance(run.file("clearance.yaml")),
         )
-        faults = self._faults or every_kind(machine, _joint_to_fail(machine, self._joints))
+        faults = self.request.fault or every_kind(machine, _joint_to_fail(model))
         tried = sensor_faults(
             *(run.machine, model, simulated, motion, faults),
-            *(_tolerance(run, model), run.bag("faults"), self._request.seed),
+            *(_tolerance(run, model), run.bag("faults"), self.request.seed),
         )
         self.results["faults"] = list(tried)
 
@@ -260,10 +258,10 @@ def _unsaid(_: str) -> None:
     """Say nothing: the step has been announced."""
 
 
-def _joint_to_fail(machine: Machine, joints: Sequence[str]) -> str:
-    """The last joint of the model that turns, or the last one."""
-    turning = [joint for joint in joints if machine.units[joint] == "rad"]
-    return (turning or list(joints))[-1]
+def _joint_to_fail(model: Model) -> str:
+    """The last joint that turns, or the last one."""
+    turning = [joint for joint in model.joints if model.setting.units[joint] == "rad"]
+    return (turning or list(model.joints))[-1]
 
 
 def _tolerance(run: CraneRun, model: Model) -> Tolerance | None:

@@ -111,7 +111,7 @@ class StoppingDistance(ResultPart):
     joint: str
     """Joint that is stopped."""
     direction: int
-    """1 upwards, -1 downwards."""
+    """1 upwards, -1 downwards [-]."""
     speed: float
     """Speed when the command begins to fall [rad/s, m/s]."""
     distance: float
@@ -258,11 +258,10 @@ def _same(joint: str, named: str, target: str, part: str) -> bool:
     return joint == target and named == words.get(part, part)
 
 
-def checked_faults(faults: Sequence[str], machine: Machine) -> list[str]:
-    """The faults that a user wrote, without onset; `ConfigurationError` says what is wrong."""
+def check_faults(faults: Sequence[str], machine: Machine) -> None:
+    """`ConfigurationError` if a user's fault is wrong, or has an onset."""
     for fault in faults:
         if parse(fault, machine).onset is not None:
             raise ConfigurationError(
                 f"fault '{fault}': has an onset, but a rehearsal sets it; leave out @SECONDS"
             )
-    return list(faults)
