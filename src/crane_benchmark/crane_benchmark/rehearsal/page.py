@@ -126,8 +126,8 @@ def _sections(outcome: Rehearsal, machine: Machine) -> list[PageSection]:
         ),
         PageSection(
             "Parameters",
-            f"An estimate counts as recovered within {SIGMAS:g} σ or {percent(EXACT_SHARE)} of the "
-            f"true value. Of the hydraulics, {_recovered(hydraulics)} values were recovered; the "
+            f"An estimate counts as recovered within {SIGMAS:g} σ or {100.0 * EXACT_SHARE:g} % "
+            f"of the true value. Of the hydraulics, {_recovered(hydraulics)} were recovered; the "
             "last table shows only the others.",
             [
                 _parameters("Mechanics", mechanics),

@@ -17,7 +17,7 @@ from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.recording import HeardRecording
 from crane_sim.make_bag import write_bag
 from crane_sim.parts.parameters import SimulatedCrane
-from crane_sim.plant.closed_loop import record
+from crane_sim.plant.closed_loop import REST_S, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_sim.sensor_faults import KINDS, Faults, parse, parts_of
@@ -34,7 +34,7 @@ LONGEST_RUN, LONGEST_STOP = 4.0, 4.0  # s
 RUN_SHARE = 0.5  # of the range that a joint may use to reach its speed
 SLOW = 1e-3  # rad/s, m/s, below which a joint has stopped
 OFF_WITHIN = 1.0  # s after the onset of a fault
-ONSET = 12.0  # s after the beginning of the recording
+ONSET_SHARE = 0.25  # of the excitation, after which a fault begins
 MONITORED_PARTS = ("encoder", "pressure_a", "pressures", "valve")
 
 
@@ -211,6 +211,8 @@ def sensor_faults(
     machine = model.machine
     assert machine is not None  # a model of a machine with hydraulics
     gains = load_gains(machine_file("controller.yaml", machine_name), machine)
+    length = motion.excitation_end - motion.excitation_start
+    onset = round(REST_S + motion.excitation_start + ONSET_SHARE * length, 1)
 
     def recorded(name: str, failing: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """(n,) time and (n, j) true position minus reference."""
@@ -225,7 +227,7 @@ def sensor_faults(
         if joint not in machine.joint_names:
             return None
         time, error = found
-        inside = (time >= ONSET) & (time < ONSET + OFF_WITHIN)
+        inside = (time >= onset) & (time < onset + OFF_WITHIN)
         return float(np.abs(error[inside, machine.index(joint)]).max())
 
     healthy = recorded("healthy", ())
@@ -233,7 +235,7 @@ def sensor_faults(
         target, part, _ = fault.partition("=")[0].split(".")
         usual = largest(healthy, target)
         try:
-            found = recorded(fault, [f"{fault}@{ONSET:g}"])
+            found = recorded(fault, [f"{fault}@{onset:g}"])
             watched = compare(HeardRecording.read(folder / fault, model.joints), model, tolerance)
         except RangeError as error:
             yield RehearsedFault(
@@ -248,7 +250,7 @@ def sensor_faults(
             usual=usual,
             named="" if first is None else f"{first.sensor}: {first.kind}",
             right=first is not None and _same(first.joint, str(first.part), target, part),
-            seconds=None if first is None else first.found - ONSET,
+            seconds=None if first is None else first.found - onset,
         )
 
 
