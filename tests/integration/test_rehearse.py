@@ -31,7 +31,7 @@ def test_everything_is_rehearsed(folder: Path) -> None:
     assert valve.sign_stays
     assert valve.dead_band == pytest.approx(valve.true_dead_band, abs=0.005)
     assert sum(one.recovered for one in found.parameters) >= 0.7 * len(found.parameters)
-    assert set(found.tracking) == {"pd_dead_zone", "flow_and_pressures"}
+    assert set(found.tracking) == {"pd_dead_band", "flow_and_pressures"}
     for margin in found.margins:
         assert margin.delay > 0.0
         assert margin.gain_margin >= margin.gain_margin_twice

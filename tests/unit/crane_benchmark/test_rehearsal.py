@@ -40,7 +40,7 @@ def outcome(**changes: object) -> Rehearsal:
         "seed": 1,
         "wall_seconds": 90.0,
         "parameters": [parameter(150.0, 1.0, 151.0), parameter(150.0, 1.0, 170.0)],
-        "tracking": {"pd_dead_zone": {"boom": 0.01}, "flow_and_pressures": {"boom": 0.001}},
+        "tracking": {"pd_dead_band": {"boom": 0.01}, "flow_and_pressures": {"boom": 0.001}},
         "margins": [
             RehearsedMargin(
                 controller=name,
@@ -50,7 +50,7 @@ def outcome(**changes: object) -> Rehearsal:
                 gain_margin=margin,
                 gain_margin_twice=1.0,
             )
-            for name, margin in (("pd_dead_zone", 1.0), ("flow_and_pressures", 3.0))
+            for name, margin in (("pd_dead_band", 1.0), ("flow_and_pressures", 3.0))
         ],
         "stopping": [
             StoppingDistance(joint="boom", direction=1, speed=0.3, distance=0.05, allowed=0.1)

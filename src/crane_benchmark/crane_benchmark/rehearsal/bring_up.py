@@ -94,7 +94,7 @@ def _measured(
     found = []
     for joint in joints:
         valve = simulated.valves[joint]
-        true = (valve.dead_zone + valve.null_bias, valve.dead_zone - valve.null_bias)
+        true = (valve.dead_band + valve.null_bias, valve.dead_band - valve.null_bias)
         both = bands[joint].positive.dead_band, bands[joint].negative.dead_band
         found.append(
             RehearsedValve(

@@ -12,7 +12,7 @@ from crane_identification.notation import percent, plain, spoken
 from crane_identification.report.html import PageLink, part, rendered
 from crane_model.hydraulics import JointHydraulics
 from crane_model.machine import Machine
-from crane_trajectory.control.choice import PD_DEAD_ZONE
+from crane_trajectory.control.choice import PD_DEAD_BAND
 from crane_trajectory.tune import SCALES, WANTED_SCALE
 
 PAGE = "rehearsal.html"
@@ -75,7 +75,7 @@ def verdict(outcome: Rehearsal, machine: Machine) -> list[str]:
     weak = {
         spoken(found.joint)
         for found in outcome.margins
-        if found.controller != PD_DEAD_ZONE and found.gain_margin < WANTED_SCALE
+        if found.controller != PD_DEAD_BAND and found.gain_margin < WANTED_SCALE
     }
     return [
         f"Complete. {_recovered(mechanics)} parameters of the mechanics and "

@@ -53,7 +53,7 @@ from crane_observer.monitor.replay import watch
 from crane_observer.monitor.tolerance import Tolerance, learn
 from crane_sim.options import load_both
 from crane_sim.parts.parameters import SimulatedCrane
-from crane_trajectory.control.choice import PD_DEAD_ZONE
+from crane_trajectory.control.choice import PD_DEAD_BAND
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
@@ -221,7 +221,7 @@ class _Rehearsal:
 
     def _control(self, suite: Processes, domain: int) -> None:
         found = ExcitationResult.read(self.run.result("train")).rms_tracking_error
-        tracking = {PD_DEAD_ZONE: found}
+        tracking = {PD_DEAD_BAND: found}
         self.results["tracking"] = tracking
         if why_not := refusal(self.run.machine, load_model(self.run.fitted)):
             raise DataError(f"the fitted model does not control the crane: {why_not}")

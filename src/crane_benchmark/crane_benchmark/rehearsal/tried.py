@@ -21,7 +21,7 @@ from crane_sim.plant.closed_loop import REST_S, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_sim.sensor_faults import KINDS, Faults, parse, parts_of
-from crane_trajectory.control.choice import PD_DEAD_ZONE, controller
+from crane_trajectory.control.choice import PD_DEAD_BAND, controller
 from crane_trajectory.control.controller import Controller, load_gains
 from crane_trajectory.motion.motion import Motion
 from crane_trajectory.motion.periodic import load_trajectory
@@ -78,7 +78,7 @@ def margins(machine_name: str, model: Model, trajectory: str) -> list[RehearsedM
     delay = float(np.mean([known.joints[joint].valve.delay for joint in model.joints]))
     trials = [GainTrial(scale, late) for late in (0.0, delay) for scale in SCALES]
     found = []
-    for name in (PD_DEAD_ZONE, CONTROLLER):
+    for name in (PD_DEAD_BAND, CONTROLLER):
         if name == CONTROLLER and refusal(machine_name, model):
             continue
 
