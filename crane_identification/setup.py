@@ -8,6 +8,7 @@ PACKAGE = "crane_identification"
 TOOLS = {  # they run without ROS
     "check_recording": "crane_identification.check_recording:main",
     "diagnose": "crane_identification.diagnose:main",
+    "export": "crane_identification.export:main",
     "identify": "crane_identification.identify:main",
     "simulate": "crane_identification.simulate:main",
 }

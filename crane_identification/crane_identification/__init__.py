@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from crane_identification.data.recording_log import read_bag as read_bag
     from crane_identification.data.recording_log import read_recording as read_recording
     from crane_identification.estimation.regression import Estimate as Estimate
+    from crane_identification.export import IdentifiedBodies as IdentifiedBodies
+    from crane_identification.export import export_mjcf as export_mjcf
+    from crane_identification.export import export_urdf as export_urdf
+    from crane_identification.export import identified_bodies as identified_bodies
     from crane_identification.fitting import FitResult as FitResult
     from crane_identification.fitting import fit as fit
     from crane_identification.fitting import validate as validate
@@ -33,6 +37,7 @@ __getattr__, __dir__, __all__ = lazily(
         "data.log": ("Log", "Signal"),
         "data.recording_log": ("read_bag", "read_recording"),
         "estimation.regression": ("Estimate",),
+        "export": ("IdentifiedBodies", "export_mjcf", "export_urdf", "identified_bodies"),
         "fitting": ("FitResult", "fit", "validate"),
         "options": ("Covariance", "Estimator", "Options"),
         "preparation.prepare": ("Session",),

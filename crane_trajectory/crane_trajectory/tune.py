@@ -60,6 +60,13 @@ class Tried(NamedTuple):
     )  # (N, j) rms of speed beside the reference above `SWING_FREQUENCY` over its own rms
     worst: tuple[ControlCondition, ...]  # (N,)
 
+    @property
+    def steady(self) -> np.ndarray:
+        """(N, j) whether the joint does not swing and the controller does not stop."""
+        stopped = np.array([condition.stops for condition in self.worst])
+        steady: np.ndarray = (self.ripple < SWINGING) & ~stopped[:, np.newaxis]
+        return steady
+
 
 def run_trials(
     model: Model,
@@ -146,18 +153,16 @@ class JointMargins(NamedTuple):
 
 def margins(tried: Tried, trials: Sequence[GainTrial] = TRIALS) -> tuple[JointMargins, ...]:
     """Of each joint, from trials that contain those of `TRIALS`."""
-    stopped = np.array([condition.stops for condition in tried.worst])
-    steady = (tried.ripple < SWINGING) & ~stopped[:, np.newaxis]
     found = []
-    for column in steady.T:
+    for column in tried.steady.T:
         of = dict(zip(trials, column.tolist(), strict=True))
-        gain = _largest([(trial.scale, of[trial]) for trial in trials if trial.late == 0.0])
-        delay = _largest([(trial.late, of[trial]) for trial in trials if trial.scale == 1.0])
+        gain = largest_steady([(trial.scale, of[trial]) for trial in trials if trial.late == 0.0])
+        delay = largest_steady([(trial.late, of[trial]) for trial in trials if trial.scale == 1.0])
         found.append(JointMargins(gain, delay, of[GainTrial(WANTED_SCALE, WANTED_DELAY)]))
     return tuple(found)
 
 
-def _largest(steps: list[tuple[float, bool]]) -> float:
+def largest_steady(steps: list[tuple[float, bool]]) -> float:
     """The last value of increasing ones up to which all are steady; 0 without one."""
     last = 0.0
     for value, steady in steps:
@@ -222,7 +227,7 @@ def _tune(options: TuneRequest) -> None:
         _tell_margins(controller(options.law, machine, gains, model, options.feedback_scale))
         return
     trajectory = load_trajectory(machine_file("", name, options.trajectory))
-    motion = _motion(machine, trajectory, machine_file("clearance.yaml", name))
+    motion = trial_motion(machine, trajectory, machine_file("clearance.yaml", name))
 
     def made(scale: float) -> Controller:
         scaled = gains._replace(kp=scale * gains.kp, kd=scale * gains.kd)
@@ -263,7 +268,7 @@ def _tell_margins(predictive: Controller) -> None:
         )
 
 
-def _motion(machine: Machine, trajectory: PeriodicTrajectory, clearance: Path) -> Motion:
+def trial_motion(machine: Machine, trajectory: PeriodicTrajectory, clearance: Path) -> Motion:
     """One period from rest where it begins; other joints in the middle of their ranges."""
     limits = machine.limits.values()
     start = np.array([0.5 * (limit.position_min + limit.position_max) for limit in limits])

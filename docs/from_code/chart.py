@@ -35,7 +35,12 @@ STAGES = (
     Stage(
         "Bring it up",
         "how_to/bring_up.html",
-        ("crane_driver driver", "crane_driver bringup", "crane_driver jog"),
+        (
+            "crane_benchmark rehearse",
+            "crane_driver driver",
+            "crane_driver bringup",
+            "crane_driver jog",
+        ),
     ),
     Stage(
         "Excite it",

@@ -36,7 +36,8 @@ MAY_IMPORT: Mapping[str, frozenset[str]] = {
         "crane_identification": "crane_model crane_bags crane_nodes crane_observer",
         "crane_viewer": "crane_model crane_bags crane_nodes",
         "crane_benchmark": (
-            "crane_model crane_sim crane_trajectory crane_identification crane_observer"
+            "crane_model crane_bags crane_nodes crane_driver crane_sim crane_trajectory "
+            "crane_identification crane_observer"
         ),
     }.items()
 }

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from crane_benchmark.rehearsal.outcome import Rehearsal
 from crane_benchmark.scores.summary import BenchmarkResults
 from crane_driver.operator.bringup.results import RESULTS
 from crane_identification.diagnosis.findings import Findings
@@ -38,6 +39,7 @@ KINDS = (
         GroundTruth,
     ),
     Kind("results.json", "Written by `discrepancy`, once every case is scored.", BenchmarkResults),
+    Kind("rehearsal.json", "Written by `rehearse`; `bringup` reads it.", Rehearsal),
     *(
         Kind(f"result.yaml of {step}", f"Written by `bringup {step}`.", schema)
         for step, schema in RESULTS.items()

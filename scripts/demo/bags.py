@@ -1,13 +1,10 @@
 """What the demo tells of a bag: counts, gaps, tracking, and the last online estimate."""
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from processes import DemoError
 
-from crane_bags.clocks import NANOSECONDS
 from crane_bags.reader import read_topics
 from crane_bags.storage import announced, blocks, open_bag
 from crane_bags.types import (
@@ -15,7 +12,6 @@ from crane_bags.types import (
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
-    Topic,
     typestore,
 )
 
@@ -36,29 +32,6 @@ def gaps(bag: Path) -> dict[str, int]:
     intervals = {name: np.diff(data.stamp) for name, data in topics.items()}
     cycle = np.median(intervals[JOINT_STATES.name])
     return {name: int((steps > GAP * cycle).sum()) for name, steps in intervals.items()}
-
-
-class Told(NamedTuple):
-    """What the messages of a topic say: stamps (n,) [ns], values (n, k)."""
-
-    stamp: np.ndarray
-    values: np.ndarray
-
-
-def told(bag: Path, topic: Topic, values: Callable[[Any], Sequence[float]]) -> Told:
-    """`values` of each message of a topic, in their order. `DemoError` if there is none."""
-    store = typestore()
-    stamps, found = [], []
-    with open_bag(bag) as reader:
-        for block in blocks(bag, reader, [topic.name]):
-            for data in block.messages:
-                message: Any = store.deserialize_cdr(data, topic.msgtype)
-                stamp = message.header.stamp
-                stamps.append(stamp.sec * NANOSECONDS + stamp.nanosec)
-                found.append(values(message))
-    if not found:
-        raise DemoError(f"{bag}: nothing on {topic.name}")
-    return Told(np.array(stamps, dtype=np.int64), np.array(found, dtype=float))
 
 
 def online_estimate(bag: Path) -> dict[str, tuple[float, float]]:

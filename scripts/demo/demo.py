@@ -23,16 +23,20 @@ import real_time
 import unplugged
 from domain_coordinator import domain_id
 from figures import write_figures
-from laws import OUT, Law, dynamic_law, identify, make_bags, report_law
+from laws import OUT, dynamic_law, make_bags, report_law
 from outcome import FILE, Unplugged, recorded
-from processes import DemoError, Processes
 from steps import Steps
 from tables import bags_table, errors_table, table
 
+from crane_benchmark.rehearsal.crane_run import CraneRun, identify
+from crane_benchmark.rehearsal.live_node import follow, foreign_domain
+from crane_benchmark.rehearsal.processes import ProcessError, Processes
+from crane_benchmark.rehearsal.tried import CONTROLLER, refusal
 from crane_identification.report import terminal
 from crane_model.cli import add_machine
 from crane_model.errors import ConfigurationError
 from crane_model.machine_files import DEFAULT_MACHINE
+from crane_model.model_file import load_model
 from crane_nodes import this_computer
 
 SEED = 1
@@ -70,7 +74,7 @@ def main() -> int:
     OUT.mkdir(parents=True)
     try:
         with ExitStack() as stack:
-            domain = stack.enter_context(domain_id(live.foreign_domain))
+            domain = stack.enter_context(domain_id(foreign_domain))
             environment = this_computer.patient_variables(os.environ, OUT)
             environment["ROS_DOMAIN_ID"] = str(domain)
             os.environ.update(environment)
@@ -85,8 +89,8 @@ def main() -> int:
                         real_time.check(suite, domain, laws[0], options.rate)
                 _demo(steps, suite, domain, laws, options.seed)
             except OSError as error:
-                raise DemoError(f"{error}; logs: {OUT}/logs") from error
-    except DemoError as error:
+                raise ProcessError(f"{error}; logs: {OUT}/logs") from error
+    except ProcessError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -96,7 +100,9 @@ def main() -> int:
     return 0
 
 
-def _demo(steps: Steps, suite: Processes, domain: int, laws: tuple[Law, Law], seed: int) -> None:
+def _demo(
+    steps: Steps, suite: Processes, domain: int, laws: tuple[CraneRun, CraneRun], seed: int
+) -> None:
     law, dynamic = laws
     say = steps.console.print
     for friction_law in laws:
@@ -116,10 +122,10 @@ def _demo(steps: Steps, suite: Processes, domain: int, laws: tuple[Law, Law], se
     )
     followed = lost = None
     with steps.step("follow", "the fitted model controls the crane", 50.0):
-        if refusal := following.refusal(law):
-            say(f"not controlled by its model: {refusal}", highlight=False)
+        if why_not := refusal(law.machine, load_model(law.fitted)):
+            say(f"not controlled by its model: {why_not}", highlight=False)
         else:
-            live.follow(suite, domain, law, seed, following.CONTROLLER, say)
+            follow(suite, domain, law, seed, CONTROLLER, say)
             followed = following.measured(law)
             following.draw(law)
             say(following.table(law, followed), f"Picture: {following.PICTURE}")
@@ -145,7 +151,9 @@ def _demo(steps: Steps, suite: Processes, domain: int, laws: tuple[Law, Law], se
     say(f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   Measured: {FILE}")
 
 
-def _unplug(steps: Steps, suite: Processes, domain: int, law: Law, seed: int) -> Unplugged | None:
+def _unplug(
+    steps: Steps, suite: Processes, domain: int, law: CraneRun, seed: int
+) -> Unplugged | None:
     """An encoder that fails in motion: what became of it, or None if none may fail."""
     say = steps.console.print
     joint = unplugged.joint_to_lose(law)

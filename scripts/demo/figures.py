@@ -3,16 +3,17 @@
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from laws import OUT, Law
+from laws import OUT
 from outcome import DemoOutcome, OnlineEstimate, Unplugged, motion_errors
 
 from crane_benchmark.measured import MeasuredRow, of_joints, write
+from crane_benchmark.rehearsal.crane_run import CraneRun
 from crane_identification.report.summary import ParameterSummary, Summary
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
 
 
-def write_figures(law: Law, dynamic: Law, outcome: DemoOutcome) -> None:
+def write_figures(law: CraneRun, dynamic: CraneRun, outcome: DemoOutcome) -> None:
     """Next to the demo's outcome; those of another machine than the default by its name."""
     command, name = "make demo", "figures.json"
     if law.machine != DEFAULT_MACHINE:

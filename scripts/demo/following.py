@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from laws import OUT, Law
+from laws import OUT
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from outcome import Following
@@ -11,16 +11,13 @@ from rich.table import Table
 
 from crane_bags.reader import read_topics
 from crane_bags.types import JOINT_REFERENCE, JOINT_STATES
+from crane_benchmark.rehearsal.crane_run import CraneRun
+from crane_benchmark.rehearsal.tried import CONTROLLER
 from crane_identification.report.terminal import plain_table
-from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
-from crane_model.model_file import load_model
 from crane_model.result_file import NumberByJoint
-from crane_trajectory.control.choice import controller
-from crane_trajectory.control.controller import load_gains
 from crane_trajectory.run_excitation_node import ExcitationResult
 
-CONTROLLER = "flow_and_pressures"
 PICTURE = OUT / "following.png"
 MOVED = 1e-3  # rad or m: a joint whose reference stays within was held
 BEFORE, AFTER = "#c0392b", "#1f4e79"
@@ -34,18 +31,7 @@ class Followed(NamedTuple):
     error: np.ndarray  # (n, j) reference minus measured
 
 
-def refusal(law: Law) -> str:
-    """Why the fitted model cannot lead the machine; empty if it can."""
-    machine = load_machine(law.machine)
-    gains = load_gains(law.file("controller.yaml"), machine).arrays
-    try:
-        controller(CONTROLLER, machine, gains, load_model(law.fitted))
-    except ConfigurationError as error:
-        return str(error)
-    return ""
-
-
-def measured(law: Law) -> Following:
+def measured(law: CraneRun) -> Following:
     """How well, once both runs have been recorded."""
     before, after = _errors(law, "train"), _errors(law, "follow")
     held = np.ptp(_followed(law, "train").reference, axis=0) < MOVED
@@ -56,7 +42,7 @@ def measured(law: Law) -> Following:
     return Following(controller=CONTROLLER, tracking_rms=after, times_better=ratios)
 
 
-def table(law: Law, after: Following) -> Table:
+def table(law: CraneRun, after: Following) -> Table:
     """Tracking error before, by (36), and after."""
     result = plain_table("RMS tracking error on the motion of the fit, live: before and after")
     result.add_column("joint", no_wrap=True)
@@ -73,7 +59,7 @@ def table(law: Law, after: Following) -> Table:
     return result
 
 
-def draw(law: Law) -> None:
+def draw(law: CraneRun) -> None:
     """Write the errors of both runs over time, of the joints that move, as a picture."""
     machine = load_machine(law.machine)
     before, after = _followed(law, "train"), _followed(law, "follow")
@@ -103,11 +89,11 @@ def _curve(panel: Axes, time: np.ndarray, error: np.ndarray, colour: str, name: 
     panel.spines[["top", "right"]].set_visible(False)
 
 
-def _errors(law: Law, use: str) -> NumberByJoint:
+def _errors(law: CraneRun, use: str) -> NumberByJoint:
     return ExcitationResult.read(law.result(use)).rms_tracking_error
 
 
-def _followed(law: Law, use: str) -> Followed:
+def _followed(law: CraneRun, use: str) -> Followed:
     """The reference of a bag, and the joint states with the same stamps."""
     topics = read_topics(law.bag(use), (JOINT_STATES, JOINT_REFERENCE))
     joints = load_machine(law.machine).joint_names

@@ -1,13 +1,11 @@
 """What the act without an encoder showed: who named it and when, the estimate, the load."""
 
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from bags import Told, told
 from following import AFTER, BEFORE
-from laws import OUT, Law
+from laws import OUT
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from outcome import Unplugged
@@ -15,16 +13,10 @@ from rich.table import Table
 from unplugged import LOAD, USE, Pulled
 
 from crane_bags.clocks import NANOSECONDS
-from crane_bags.types import (
-    DRIVER_STATE,
-    JOINT_STATES,
-    POSITION_ESTIMATE,
-    SENSOR_FINDINGS,
-    TIP_LOAD,
-    VALVE_OUTPUT,
-)
+from crane_bags.types import JOINT_STATES, POSITION_ESTIMATE, TIP_LOAD
+from crane_benchmark.rehearsal.crane_run import CraneRun
+from crane_benchmark.rehearsal.operator_node import Told, fault_answer, told
 from crane_identification.report.terminal import plain_table
-from crane_interfaces.msg import DriverState
 from crane_model.machine import load_machine
 
 PICTURE = OUT / "unplugged.png"
@@ -39,7 +31,7 @@ class Heard(NamedTuple):
     load: Told
 
 
-def heard(law: Law, pulled: Pulled) -> Heard:
+def heard(law: CraneRun, pulled: Pulled) -> Heard:
     """Of the act."""
     bag = law.bag(USE)
 
@@ -57,40 +49,23 @@ def heard(law: Law, pulled: Pulled) -> Heard:
     )
 
 
-def measured(law: Law, pulled: Pulled) -> Unplugged:
+def measured(law: CraneRun, pulled: Pulled) -> Unplugged:
     """From the bag of the act."""
-    bag, joint = law.bag(USE), pulled.joint
-    names = {
-        "sensor_monitor": told(bag, SENSOR_FINDINGS, lambda found: [joint in found.joint]),
-        "driver": told(
-            bag,
-            DRIVER_STATE,
-            lambda found: [found.state == DriverState.STATE_FAULT and found.source == joint],
-        ),
-    }
-    named = {node: _first(says, pulled.at) for node, says in names.items()}
-    by = min(named, key=lambda node: named[node])
-    neutral = told(bag, VALVE_OUTPUT, lambda sent: [not sent.command.any()])
+    answer = fault_answer(law.bag(USE), pulled.joint, pulled.at)
     encoder, estimate, load = heard(law, pulled)
     read = encoder.values[np.isfinite(encoder.values[:, 0]), 0]
     home = _before(estimate, pulled.home)[0]
     mass, deviation = _before(load, pulled.home)
     return Unplugged(
-        joint=joint,
-        named_by=by,
-        seconds_to_name=(named[by] - pulled.at) / NANOSECONDS,
-        seconds_to_neutral=(_first(neutral, pulled.at) - pulled.at) / NANOSECONDS,
+        joint=pulled.joint,
+        named_by=answer.named_by,
+        seconds_to_name=answer.seconds_to_name,
+        seconds_to_neutral=answer.seconds_to_neutral,
         estimate_error=float(home - read[-1]),
         true_load=LOAD,
         load=float(mass),
         load_std_dev=float(deviation),
     )
-
-
-def _first(of: Told, since: int) -> float:
-    """When [ns] it first says so, from then on; infinite if it does not."""
-    when = of.stamp[(of.stamp >= since) & (of.values[:, 0] > 0.0)]
-    return float(when[0]) if when.size else math.inf
 
 
 def _before(of: Told, when: int) -> np.ndarray:
@@ -99,7 +74,7 @@ def _before(of: Told, when: int) -> np.ndarray:
     return values
 
 
-def table(law: Law, found: Unplugged) -> Table:
+def table(law: CraneRun, found: Unplugged) -> Table:
     """The same in words."""
     unit = load_machine(law.machine).units[found.joint]
     result = plain_table(f"The encoder of the {_plain(found.joint)}, unplugged in motion")
@@ -114,7 +89,7 @@ def table(law: Law, found: Unplugged) -> Table:
     return result
 
 
-def draw(law: Law, pulled: Pulled, found: Unplugged) -> None:
+def draw(law: CraneRun, pulled: Pulled, found: Unplugged) -> None:
     """Write encoder and estimate of the joint, and the load, over time as a picture."""
     encoder, estimate, load = heard(law, pulled)
     figure = Figure(figsize=(11.0, 6.0), layout="constrained")

@@ -6,7 +6,7 @@ import pty
 from collections.abc import Callable
 from typing import Self
 
-from processes import DemoError, Processes
+from crane_benchmark.rehearsal.processes import ProcessError, Processes
 
 REPEAT_S = 1 / 30  # of a key that is held
 HELD_S, LET_GO_S = 3.0, 0.3  # jog, where it paused itself, wants keys let go before they count
@@ -40,14 +40,14 @@ class Keyboard:
         os.write(self._keys, key.encode())
 
     def hold(self, key: str, until: Callable[[], bool]) -> None:
-        """As a terminal repeats it; `DemoError` where the crane does not get there."""
+        """As a terminal repeats it; `ProcessError` where the crane does not get there."""
         begin = self._clock()
         pressed = -math.inf
         while not until():
             self._suite.check()
             now = self._clock()
             if now > begin + PATIENCE_S:
-                raise DemoError(f"jog: '{key}' was held for {PATIENCE_S:g} s in vain")
+                raise ProcessError(f"jog: '{key}' was held for {PATIENCE_S:g} s in vain")
             held = (now - begin) % (HELD_S + LET_GO_S) < HELD_S
             if held and now - pressed >= REPEAT_S:
                 pressed = now

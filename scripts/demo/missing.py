@@ -5,10 +5,11 @@ The effect is drawn from the seed, and its label is opened only after the answer
 
 import numpy as np
 import yaml
-from laws import EXCITATION, OUT, VALIDATION, Law
-from processes import Processes
+from laws import OUT
 from rich.table import Table
 
+from crane_benchmark.rehearsal.crane_run import EXCITATION, VALIDATION, CraneRun
+from crane_benchmark.rehearsal.processes import Processes
 from crane_identification.diagnosis.findings import Findings
 from crane_identification.report.terminal import plain_table
 from crane_model.machine import load_machine
@@ -27,7 +28,7 @@ TRAIN = {"train_0": EXCITATION, "train_1": VALIDATION, "train_2": EXCITATION}
 HELD_OUT = {"held_out": VALIDATION}
 
 
-def make_bags(suite: Processes, law: Law, seed: int) -> None:
+def make_bags(suite: Processes, law: CraneRun, seed: int) -> None:
     """Record the machine with the effect, faster than real time."""
     effect, form, joint = drawn(law, np.random.default_rng(seed))
     spec_of_effect = {"effect": effect, "form": form, "joint": joint, "strength": STRENGTH}
@@ -45,7 +46,7 @@ def make_bags(suite: Processes, law: Law, seed: int) -> None:
     suite.finish(*bags)
 
 
-def drawn(law: Law, rng: np.random.Generator) -> tuple[str, str, str]:
+def drawn(law: CraneRun, rng: np.random.Generator) -> tuple[str, str, str]:
     """One of EFFECTS that the machine can have, any law of its family, and one of the joints that
     can have it.
     """
@@ -59,7 +60,7 @@ def drawn(law: Law, rng: np.random.Generator) -> tuple[str, str, str]:
     return effect, form, str(rng.choice(joints[effect]))
 
 
-def diagnose(suite: Processes, law: Law) -> None:
+def diagnose(suite: Processes, law: CraneRun) -> None:
     """Answer from the bags alone."""
     bags = FOLDER / "bags"
     suite.start(

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 import bags
-from laws import OUT, Law
+from laws import OUT
 
+from crane_benchmark.rehearsal.crane_run import CraneRun
 from crane_identification.report.summary import Summary
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 from crane_sim.ground_truth import TrueEffect
@@ -86,7 +87,7 @@ class DemoOutcome(ResultFile):
     """By phase [s]."""
 
 
-def recorded(law: Law) -> DemoOutcome:
+def recorded(law: CraneRun) -> DemoOutcome:
     """What is known once the live bags have been identified."""
     uses = {use: law.bag(use) for use in ("train", "validate")}
     return DemoOutcome(
@@ -112,7 +113,7 @@ def motion_errors(summary: Summary) -> tuple[str, dict[str, float]]:
     return f"motion {motion.horizon:g} s ahead", errors
 
 
-def _online(law: Law, bag: Path) -> list[OnlineEstimate]:
+def _online(law: CraneRun, bag: Path) -> list[OnlineEstimate]:
     true_values = law.true_values()
     estimates = bags.online_estimate(bag)
     return [

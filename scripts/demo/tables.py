@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping
 
-from laws import Law
 from outcome import DemoOutcome, OnlineEstimate, motion_errors
 from rich.table import Table
 
+from crane_benchmark.rehearsal.crane_run import CraneRun
 from crane_identification.report.summary import ParameterSummary, Summary
 from crane_identification.report.terminal import estimate, plain_table, rounded
 from crane_model.machine import load_machine
 
 
-def table(law: Law, outcome: DemoOutcome) -> Table:
+def table(law: CraneRun, outcome: DemoOutcome) -> Table:
     """Parameter, unit, true value, and what was identified online and offline."""
     result = plain_table("Θ: true in the simulated crane, identified online and from its bag")
     for heading in ("parameter", "unit"):
@@ -39,7 +39,7 @@ def _estimate(found: ParameterSummary | OnlineEstimate | None, true: float) -> t
     return estimate(found.value, found.std_dev, true)
 
 
-def bags_table(law: Law, outcome: DemoOutcome) -> Table:
+def bags_table(law: CraneRun, outcome: DemoOutcome) -> Table:
     """What was recorded, and how well the crane followed."""
     result = plain_table("Messages recorded live at 200 Hz, and gaps of more than 1.5 cycles")
     result.add_column("topic", no_wrap=True)

@@ -287,14 +287,23 @@ def _value(text: str) -> object:
         return None
 
 
+def may_leave_computer(settings: BusSettings) -> bool:
+    """Return whether frames can leave this computer.
+
+    Only a virtual bus, and udp_multicast with a hop limit of 0, keep them here.
+    """
+    hops = settings.extra.get("hop_limit", 0)
+    return settings.interface != "virtual" and (settings.interface, hops) != ("udp_multicast", 0)
+
+
 def check_private(settings: BusSettings) -> None:
     """Check that frames cannot leave this computer: on simulated time valves are waited for.
 
-    `ConfigurationError` if the bus is neither virtual nor udp_multicast with a hop limit of 0.
+    `ConfigurationError` if they can.
     """
-    hops = settings.extra.get("hop_limit", 0)
-    if settings.interface == "virtual" or (settings.interface == "udp_multicast" and hops == 0):
+    if not may_leave_computer(settings):
         return
+    hops = settings.extra.get("hop_limit", 0)
     limit = f" with hop_limit {hops}" if settings.interface == "udp_multicast" else ""
     raise ConfigurationError(
         f"simulated time: CAN bus {settings}{limit} can leave this computer, and real valves do "

@@ -66,11 +66,14 @@ class KnownBody(Schema):
         about = self.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
         inertia = turn @ self.tensor @ turn.T + about
         xx, xy, xz, yy, yz, zz = inertia[np.triu_indices(3)]
-        second = 0.5 * float(np.trace(inertia))  # m R^2
-        radius = np.sqrt(second / self.mass)
-        scale = np.array([self.mass, *[self.mass * radius] * 3, *[second] * 6])
         values = np.array([self.mass, *(self.mass * centre), xx, xy, yy, xz, yz, zz])
-        return values, self.relative_std_dev * scale
+        return values, self.relative_std_dev * size_of(values)
+
+
+def size_of(ten: np.ndarray) -> np.ndarray:
+    """(10,) m, m R and m R^2 of a body (10,), in the places of its ten parameters."""
+    second = 0.5 * float(ten[4] + ten[6] + ten[9])  # m R^2
+    return np.array([ten[0], *[np.sqrt(ten[0] * second)] * 3, *[second] * 6])
 
 
 class KnownParameter(Schema):
@@ -187,10 +190,11 @@ def _of_bodies(
     model: Model, bodies: Mapping[str, KnownBody], measure: Measure, path: Path | str
 ) -> tuple[np.ndarray, np.ndarray, KnownBodies | None, dict[str, np.ndarray]]:
     """Whitened rows (r, p), their values (r,), and what of them (r, 10) is of each body."""
-    machine = _machine(model, bodies, path)
+    if model.machine is None:
+        raise ConfigurationError(f"{path}: bodies: model '{model.name}' has no machine")
+    machine = model.machine
+    mean, spread = (part.ravel() for part in ten_of_bodies(machine, bodies, path))
     listed = [bodies[joint.name] for joint in machine.joints]
-    ten = [body.ten(joint.after) for body, joint in zip(listed, machine.joints, strict=True)]
-    mean, spread = (np.concatenate(parts) for parts in zip(*ten, strict=True))
     covariance, known = np.diag(spread**2), None
     if measure is Measure.LOG_DET:
         tensors = pseudo_inertia(mean.reshape(-1, 10))
@@ -241,13 +245,18 @@ def _inverse_curvature(P: np.ndarray) -> np.ndarray:
     return inverse
 
 
-def _machine(model: Model, bodies: Mapping[str, KnownBody], path: Path | str) -> Machine:
-    if model.machine is None:
-        raise ConfigurationError(f"{path}: bodies: model '{model.name}' has no machine")
-    joints = [joint.name for joint in model.machine.joints]
+def ten_of_bodies(
+    machine: Machine, bodies: Mapping[str, KnownBody], path: Path | str
+) -> tuple[np.ndarray, np.ndarray]:
+    """The ten parameters of each body of a machine, in the frames of its chain, and their standard
+    deviations, (m, 10) each; `ConfigurationError` if `bodies` in `path` are of other joints.
+    """
+    joints = [joint.name for joint in machine.joints]
     if set(joints) != bodies.keys():
         raise ConfigurationError(
-            f"{path}: bodies: give that of each joint of {model.machine.name}, "
+            f"{path}: bodies: give that of each joint of {machine.name}, "
             f"{', '.join(joints)}; got {', '.join(bodies)}"
         )
-    return model.machine
+    ten = [bodies[joint.name].ten(joint.after) for joint in machine.joints]
+    means, spreads = (np.array(parts) for parts in zip(*ten, strict=True))
+    return means, spreads

@@ -1,6 +1,7 @@
 """Where the files of a machine are: all in one folder, beside its machine file."""
 
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import TypeVar
 
@@ -8,6 +9,8 @@ import crane_machines
 from crane_model.errors import ConfigurationError
 
 DEFAULT_MACHINE = crane_machines.DEFAULT
+MACHINE_SUFFIXES = (".yaml", ".dbc", ".eds")
+"""Of the files in a machine's folder that the suite reads."""
 
 
 def machine_file(
@@ -40,6 +43,16 @@ def machine_file(
             f"another one"
         )
     return path
+
+
+def machine_digest(machine: Path | str | None = None) -> str:
+    """SHA-256 of all files in the folder of a machine, as `machine_file` takes it."""
+    folder = machine_file(crane_machines.MACHINE_FILE, machine).parent
+    digest = sha256()
+    for path in sorted(path for path in folder.iterdir() if path.suffix in MACHINE_SUFFIXES):
+        content = path.read_bytes()
+        digest.update(f"{path.name} {len(content)}\n".encode() + content)
+    return digest.hexdigest()
 
 
 # Tables with an entry for each joint of a machine, as files hold them.

@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from crane_model.array import Array
-from crane_model.chain import pseudo_inertia
+from crane_model.chain import pseudo_inertia, ten_about_centre
 from crane_model.configuration import MAX_FILE_BYTES
 from crane_model.errors import ConfigurationError
 from crane_model.joint import about, placement, roll_pitch_yaw
@@ -142,10 +142,7 @@ def prior_file(bodies: Sequence[LinkBody], source: str) -> str:
             why = "no inertial" if not body.impossible else "an inertial that no body has"
             lines.append(f"  # {MISSING}: {body.joint}: {', '.join(body.links)}: {why}\n")
             continue
-        mass, centre = body.ten[0], body.ten[1:4] / body.ten[0]
-        xx, xy, yy, xz, yz, zz = body.ten[4:]
-        about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        inertia = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        mass, centre, inertia = ten_about_centre(body.ten)
         second = _second_moments(mass, inertia)
         definite &= bool(second[0] > ROUNDING_SHARE * second[2])
         lines.append(

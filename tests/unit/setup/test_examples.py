@@ -47,6 +47,7 @@ REASONS = {
     "crane_identification": {
         "FitResult": RESULT, "Estimate": RESULT, "Validation": RESULT,
         "Session": "made by fit", "ProgressBar": "draws on a terminal",
+        "IdentifiedBodies": RESULT, "export_mjcf": "needs MuJoCo, which is not always installed",
         "read_bag": "the tutorials read bags", "read_recording": "as read_bag",
     },
 }  # fmt: skip

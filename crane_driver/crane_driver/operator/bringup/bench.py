@@ -60,6 +60,7 @@ class BringupRequest(Protocol):
     mapping: Path | None  # to go on from; None: the newest of the folder
     joints: Sequence[str]  # empty: all
     controller: Path | None  # file to begin from; None: that of the machine
+    rehearsal: Path  # folder of the rehearsal
 
 
 def driver_command(now: Parameters, mapping: Path) -> str:

@@ -6,8 +6,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from crane_driver.can.binding import load_layout
+from crane_driver.can.bus import bus_settings, may_leave_computer
 from crane_driver.can.mapping import Mapping
-from crane_driver.driver_parameters import DBC, MAPPING, driver_parameters
+from crane_driver.driver_parameters import (
+    BITRATE,
+    CHANNEL,
+    DBC,
+    INTERFACE,
+    MAPPING,
+    OPTIONS,
+    driver_parameters,
+)
 from crane_driver.operator.bringup.bench import (
     Bench,
     BringupRequest,
@@ -17,6 +26,7 @@ from crane_driver.operator.bringup.bench import (
     next_command,
 )
 from crane_driver.operator.bringup.crane_client import CraneClient
+from crane_driver.operator.bringup.rehearsed import ask_for_rehearsal
 from crane_driver.operator.bringup.results import (
     CONTROLLER_FILE,
     MAPPING_FILE,
@@ -69,9 +79,18 @@ def _measure(argv: Sequence[str], request: BringupRequest) -> None:
         machine = load_machine(name)
         driver = _parameters(crane, (*driver_parameters(machine, name), USE_SIM_TIME))
         mapping = _mapping(request.mapping or series.newest(MAPPING_FILE), driver)
+        terminal = BringupTerminal(stop, crane.spin)
+        bus = bus_settings(
+            str(driver[INTERFACE]),
+            str(driver[CHANNEL]),
+            int(driver[BITRATE]),
+            str(driver[OPTIONS]).split(),
+        )
+        if may_leave_computer(bus):
+            ask_for_rehearsal(terminal, request.rehearsal, name)
         bench = Bench(
             crane=crane,
-            terminal=BringupTerminal(stop, crane.spin),
+            terminal=terminal,
             series=series,
             mapping=mapping,
             driver=driver,
@@ -148,6 +167,14 @@ def command_parser() -> argparse.ArgumentParser:
         type=Path,
         help="mapping to go on from, which the driver must run with (default: the newest in "
         "FOLDER, at first that of the driver)",
+    )
+    parser.add_argument(
+        "--rehearsal",
+        type=Path,
+        default=Path("runs/rehearsal"),
+        metavar="FOLDER",
+        help="results of crane_benchmark rehearse with the same files, asked for on a real bus "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--joints", nargs="+", default=[], metavar="JOINT", help="(default: all of the driver)"

@@ -41,6 +41,7 @@ __getattr__, __dir__, _lazy = lazily(
             "fill_regressor",
             "pseudo_inertia",
             "regressor",
+            "ten_about_centre",
         ],
         "slopes": ["pull_back"],
         "dynamics": [

@@ -345,6 +345,14 @@ def pseudo_inertia(ten: Array) -> Array:
     return out
 
 
+def ten_about_centre(ten: Array) -> tuple[float, Array, Array]:
+    """Mass [kg], centre of mass (3,) [m] and inertia (3, 3) about it [kg m2] of the ten (10,)."""
+    mass, centre = float(ten[0]), ten[1:4] / ten[0]
+    inertia = ten[[[4, 5, 7], [5, 6, 8], [7, 8, 9]]]
+    about: Array = inertia - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    return mass, centre, about
+
+
 def regressor(chain: SerialChain, q: Array, v: Array, acceleration: Array) -> Array:
     """Y: (n, j) motion to (n, j, 10 m)."""
     out = np.zeros((*q.shape, len(PER_BODY) * len(chain.ratio)))

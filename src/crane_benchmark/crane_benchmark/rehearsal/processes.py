@@ -12,14 +12,16 @@ from typing import Any, Self
 
 from ament_index_python.packages import get_package_prefix
 
+from crane_model.errors import CraneError
+
 END_TIMEOUT_S = 20.0  # for a process to end by itself, once it was asked to
 READY_TIMEOUT_S = 300.0  # in which nodes compile, where they run for the first time
 LAST_LINES = 8  # of a log, in an error
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class DemoError(Exception):
-    """A process of the demo ended, failed, or did not become ready in time."""
+class ProcessError(CraneError):
+    """A process ended, failed, or did not become ready in time."""
 
 
 def command(package: str, executable: str, *arguments: object) -> list[str]:
@@ -31,8 +33,8 @@ def command(package: str, executable: str, *arguments: object) -> list[str]:
 class Processes:
     """Processes that live within a `with` block; the last to start is the first to be stopped.
 
-    Each is in a session of its own, so that Ctrl-C in the terminal reaches the demo alone, which
-    then asks them to end one by one. Their output goes to a log file each.
+    Each is in a session of its own, so that Ctrl-C in the terminal reaches this program alone,
+    which then asks them to end one by one. Their output goes to a log file each.
     """
 
     def __init__(self, logs: Path, environment: Mapping[str, str], simulated: bool):
@@ -58,8 +60,7 @@ class Processes:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        for name in reversed(list(self._running)):
-            self.stop(name)
+        self.stop_all()
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         if self._interrupted and error is None:
@@ -122,7 +123,7 @@ class Processes:
         return self._log(name).read_text(encoding="utf-8")
 
     def finish(self, *names: str) -> None:
-        """Wait until these have ended; `DemoError` with the end of its log if one has failed."""
+        """Wait until these have ended; `ProcessError` with the end of its log if one has failed."""
         left = list(names)
         while left:
             self.check(*left)
@@ -137,22 +138,22 @@ class Processes:
             time.sleep(0.1)
 
     def check(self, *may_end: str) -> None:
-        """`KeyboardInterrupt` after Ctrl-C; `DemoError` if a process in the background ended."""
+        """`KeyboardInterrupt` after Ctrl-C; `ProcessError` if a process in the background ended."""
         if self._interrupted:
             raise KeyboardInterrupt
         for name, process in self._running.items():
             if process.poll() is not None and name not in may_end:
                 raise self._ended(name)
 
-    def _ended(self, name: str) -> DemoError:
+    def _ended(self, name: str) -> ProcessError:
         return self.failed(f"{name} ended ({self._running[name].returncode})", name)
 
-    def failed(self, what: str, name: str) -> DemoError:
+    def failed(self, what: str, name: str) -> ProcessError:
         """An error that shows the end of the log of a process which may know why."""
         log = self._log(name)
         lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
         shown = "\n  ".join(lines[-LAST_LINES:])
-        return DemoError(f"{what}\n{log} ends with:\n  {shown}\nall logs: {self._logs}")
+        return ProcessError(f"{what}\n{log} ends with:\n  {shown}\nall logs: {self._logs}")
 
     def stop(self, name: str) -> None:
         """Ask one to end, and see to it."""
@@ -166,8 +167,13 @@ class Processes:
             except subprocess.TimeoutExpired:
                 print(f"{name} does not end on {number.name}", file=sys.stderr)
 
+    def stop_all(self) -> None:
+        """Ask all to end, the last to start first."""
+        for name in reversed(list(self._running)):
+            self.stop(name)
+
     def until(self, condition: Callable[[], bool], otherwise: str | Callable[[], str]) -> None:
-        """Wait for a condition; `DemoError` if a process ends or it takes too long."""
+        """Wait for a condition; `ProcessError` if a process ends or it takes too long."""
         end = time.monotonic() + READY_TIMEOUT_S
         while not condition():
             self.check()
