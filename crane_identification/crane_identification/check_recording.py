@@ -35,7 +35,6 @@ def run(request: CheckRequest) -> None:
     """Print what each recording looks like; `DataError` if one is wrong."""
     # Imported here: they take seconds, and --help needs none of them.
     from crane_identification.data.sources import Sources
-    from crane_identification.parallel import in_parallel
     from crane_identification.recording_check.check import check
     from crane_identification.recording_check.forces import crane
     from crane_model.machine import load_machine
@@ -58,7 +57,7 @@ def run(request: CheckRequest) -> None:
         )
     with ProgressBar() as progress, threadpool_limits(limits=1):
         logs = Sources(model, columns, request.options, progress).read(request.recordings)
-        checked = in_parallel(lambda log: check(model.machine, log, model), logs)
+        checked = [check(model.machine, log, model) for log in logs]
     print("\n".join(line for recording in checked for line in _lines(recording)))
     if refused := [recording.source for recording in checked if recording.decisive]:
         raise DataError(

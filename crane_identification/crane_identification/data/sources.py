@@ -14,7 +14,6 @@ from crane_identification.data.log import Log, Signal
 from crane_identification.data.recording_log import read_recording
 from crane_identification.data.resample import slowed
 from crane_identification.options import Options
-from crane_identification.parallel import in_parallel
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress
@@ -37,7 +36,7 @@ class Sources:
             log = read_recording(path, joints, self.columns, self.progress, options.namespace)
             return slowed(usable(log, options.begin, options.end), options.rate)
 
-        return tuple(in_parallel(log_of, paths))
+        return tuple(log_of(path) for path in paths)
 
 
 def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) -> None:

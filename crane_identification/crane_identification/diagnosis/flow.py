@@ -24,7 +24,6 @@ from crane_identification.diagnosis.flow_balance import (
     with_wear,
 )
 from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.parallel import in_parallel
 from crane_identification.thresholds import Method, Thresholds
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import DataError
@@ -413,7 +412,7 @@ def examine(
         except DataError as error:
             return [], {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
 
-    parts = in_parallel(flow_of, evidence.joints)
+    parts = [flow_of(joint) for joint in evidence.joints]
     absent = {effect: reason for _, reasons in parts for effect, reason in reasons.items()}
     return Flows(tuple(flow for flows, _ in parts for flow in flows), absent)
 

@@ -11,7 +11,6 @@ from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
-from crane_identification.parallel import in_parallel
 from crane_identification.preparation.periodicity import Periodicity, periodic_part
 from crane_identification.preparation.run import (
     Preparation,
@@ -239,7 +238,7 @@ def _of_each(
 
         return prepared(model, logs[number], options, partly, session.since(logs[number]))
 
-    return in_parallel(of, range(len(logs)))
+    return [of(number) for number in range(len(logs))]
 
 
 def chronological(logs: Sequence[Log]) -> list[Log]:

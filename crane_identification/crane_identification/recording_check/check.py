@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from crane_identification.data.log import Log
-from crane_identification.parallel import in_parallel
 from crane_identification.recording_check.arm import ArmMotion, arm, signs
 from crane_identification.recording_check.clocks import clocks, missing, positions, sampling
 from crane_identification.recording_check.forces import grid
@@ -97,7 +96,7 @@ def vetted(
 
     The option that trusts a recording is --trust-recordings.
     """
-    checked = in_parallel(lambda log: check(machine, log, model), logs)
+    checked = [check(machine, log, model) for log in logs]
     refused = [
         f"{recording.source}: {wrong}" for recording in checked for wrong in recording.decisive
     ]

@@ -16,7 +16,6 @@ import numpy as np
 from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log, Signal
 from crane_identification.options import Options
-from crane_identification.parallel import in_parallel
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_model.errors import ConfigurationError, DataError
@@ -258,7 +257,7 @@ def split_by_load(
         runs = [run for run in prepared if run.source == log.source]
         return payload_parts(model, log, options) if _may_change(model, log, options, runs) else ()
 
-    for log, parts in zip(logs, in_parallel(parts_of, logs), strict=True):
+    for log, parts in zip(logs, map(parts_of, logs), strict=True):
         if len(parts) < 2:
             taken.append(log)
             continue
@@ -292,8 +291,8 @@ def loads_in_words(model: Model, logs: Sequence[Log], options: Options) -> tuple
     """Warnings: what a fit to these recordings takes for a mass of a link."""
     said: list[str] = []
     known: dict[str, PayloadPart] = {}
-    found = in_parallel(lambda log: payload_parts(model, log, options), logs)
-    for log, parts in zip(logs, found, strict=True):
+    for log in logs:
+        parts = payload_parts(model, log, options)
         said += [
             f"{log.source}: {words}; a part of that is in the masses of the model. Leave the "
             "recording out, or part of it (--from, --to)"

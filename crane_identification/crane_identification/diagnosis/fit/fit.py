@@ -27,7 +27,6 @@ from crane_identification.estimation.regression import (
     solve_weighted,
 )
 from crane_identification.options import Options
-from crane_identification.parallel import in_parallel
 from crane_identification.preparation.periodicity import periodic_part
 from crane_identification.preparation.prepare import Session, chronological, prepare, prepare_all
 from crane_identification.preparation.run import Preparation
@@ -244,7 +243,7 @@ def _averaged(
         except DataError:  # no whole period without a gap
             return [], []
 
-    found = in_parallel(averaged, logs)
+    found = [averaged(log) for log in logs]
     return (
         tuple(run for prepared, _ in found for run in prepared),
         [told for _, wrong in found for told in wrong],

@@ -26,7 +26,6 @@ from crane_identification.diagnosis.fit.evidence import (
 from crane_identification.diagnosis.fit.fit import Fitted
 from crane_identification.diagnosis.search.candidates import Weighed, with_own_loads
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
-from crane_identification.parallel import in_parallel
 from crane_identification.preparation.run import Preparation, noise_of_mean
 from crane_identification.signals.decimate import decimate
 from crane_identification.thresholds import Gates, Method, Thresholds
@@ -140,7 +139,7 @@ def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.nd
         strength = np.sqrt(max(power - left, 0.0) / used.sum()) / evidence.force_rms[j]
         return prediction, share, _by_chance(gain[used]), strength
 
-    prediction, *figures = zip(*in_parallel(learnt, range(residual.shape[1])), strict=True)
+    prediction, *figures = zip(*map(learnt, range(residual.shape[1])), strict=True)
     return Learnt(np.stack(prediction, axis=1), *map(np.array, figures))
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from crane_identification.diagnosis.fit.evidence import Evidence, residual
 from crane_identification.diagnosis.fit.fit import Fitted
-from crane_identification.parallel import in_parallel
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
@@ -300,8 +299,10 @@ def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
             Candidate(cls, joint, parts=parts) for joint in joints_of(cls, model.setting) or (None,)
         ]
     absent = [each for each in out if (each.type, each.joint) not in present]
-    given = in_parallel(lambda each: _given(model, evidence, each.term, each.joint), absent)
-    return [replace(each, given=fields) for each, fields in zip(absent, given, strict=True)]
+    return [
+        replace(candidate, given=_given(model, evidence, candidate.term, candidate.joint))
+        for candidate in absent
+    ]
 
 
 def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None) -> Given:
@@ -368,7 +369,7 @@ def observed(
             return [], str(error)
         return own, f"{', '.join(lost)}: no recording comes where it would show" if lost else ""
 
-    found = in_parallel(shaped, range(len(wanted)))
+    found = [shaped(number) for number in range(len(wanted))]
     absent = {
         candidate: reason for candidate, (_, reason) in zip(wanted, found, strict=True) if reason
     }
