@@ -65,6 +65,7 @@ setup(
     ],
     extras_require={
         "cluster": ["distributed"],
+        "mjcf": ["mujoco"],
         "ros": ["crane_nodes"],
     },
     entry_points={"console_scripts": scripts},

@@ -37,5 +37,6 @@ def test_help_is_there_and_names_what_can_be_replaced(
     results = {
         *("decode", "design", "diagnose", "identify", "machine_command", "picture"),
         *("run_excitation_node", "move_node", "estimate_positions", "estimate_payload", "film"),
+        *("export", "rehearse"),
     }
     assert ("--replace" in told) == (module.rpartition(".")[2] in results)

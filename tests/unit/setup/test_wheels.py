@@ -53,6 +53,7 @@ ROSDEP = {
 Ubuntu 24.04 has them too old."""
 ROS = re.compile(
     r"launch(_ros)?|rclpy|ament_index_python|crane_interfaces|robot_state_publisher"
+    r"|domain_coordinator"
     r"|\w+_(msgs|srvs|interfaces)"
 )
 PACKAGES = {path.parent.name for path in SETUPS} | {"crane_interfaces"}
