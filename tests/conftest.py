@@ -24,6 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 # They begin, so that the workers of a parallel run end at nearly the same time. In a fresh clone
 # the first compiles what the others would each compile for themselves, if they began beside it.
 LONGEST = (
+    "test_rehearse.py",
     "test_lock_step.py",
     "test_study.py",
     "test_player.py",
