@@ -11,11 +11,7 @@ MODULES = {
         "crane_model.kinematics",
         "crane_model.simulation",
     ),
-    "Terms": (
-        "crane_model.terms.term",
-        "crane_model.terms.joint_term",
-        "crane_model.terms.term",
-    ),
+    "Terms": ("crane_model.terms.term", "crane_model.terms.joint_term"),
     "Bags": ("crane_bags.reader", "crane_bags.writer"),
     "Trajectories": (
         "crane_trajectory.motion.periodic",
@@ -77,9 +73,13 @@ def _page(subject: str, modules: tuple[str, ...]) -> str:
 
 
 def _public(module: str) -> str:
-    """The names in a module that its package exports; all of them if there is none."""
-    package, found = import_module(module.partition(".")[0]), import_module(module)
+    """The names in a module that its package, or the folder that it is in, exports."""
+    packages = module.partition(".")[0], module.rpartition(".")[0]
+    exported = dict.fromkeys(
+        name for package in packages for name in getattr(import_module(package), "__all__", ())
+    )
+    found = import_module(module)
     defined = [
         name for name, value in vars(found).items() if getattr(value, "__module__", "") == module
     ]
-    return ", ".join(name for name in package.__all__ if name in defined)
+    return ", ".join(name for name in exported if name in defined)

@@ -413,7 +413,7 @@ class ColumnMap(Schema):
         Sampling rate of tables without time [Hz].
     separator, decimal : str
         Separator and decimal sign of text tables.
-    slew_position, supply_pressure, tank_pressure, temperature : source, optional
+    slew_position, supply_pressure, tank_pressure, temperature : Column or TopicField, optional
         Quantities that belong to no joint.
 
     Examples
