@@ -80,22 +80,22 @@ class SensorChain(Schema):
         """(j,) one count of the encoder of each joint [rad, m]."""
         return np.array([self.encoder_resolution[joint] for joint in joints])
 
-    def position_noise(self, joints: Sequence[str]) -> Array:
-        """(j,) standard deviation of what each joint's position shows [rad, m]: rounding, and of
-        inertial sensors their noise and vibration.
+    def equivalent_counts(self, joints: Sequence[str]) -> Array:
+        """(j,) one count of an encoder as noisy as the position of each joint [rad, m].
+
+        Of an inertial sensor, noise and vibration are added to the rounding.
         """
-        power = self.counts(joints) ** 2 / 12.0
+        counts = self.counts(joints)
         before: InertialSensor | None = None
         for i, joint in enumerate(joints):
             own = self.inertial.get(joint)
             if own is None:
                 continue
-            for sensor in (own, before):
-                if sensor is not None:
-                    power[i] += sensor.noise**2 + sensor.vibration**2 / 2.0
+            sensors = [sensor for sensor in (own, before) if sensor is not None]
+            power = sum(sensor.noise**2 + sensor.vibration**2 / 2.0 for sensor in sensors)
+            counts[i] = np.sqrt(counts[i] ** 2 + 12.0 * power)
             before = own
-        noise: Array = np.sqrt(power)
-        return noise
+        return counts
 
     def measure_pressure(self, rng: np.random.Generator, pressure: Array) -> Array:
         """Transducer readings of any shape [Pa]: noise, saturation, quantisation."""

@@ -159,7 +159,7 @@ def test_inertial_sensors_are_late_biased_and_noisy(
         error.mean(axis=0), [0.0, late[1] + 0.01, late[2] - 0.03, 0.0], atol=1e-4
     )
     np.testing.assert_allclose(error.std(axis=0), [0.0, 1e-3, 2**0.5 * 1e-3, 0.0], rtol=0.05)
-    noise = chain.position_noise(machine.joint_names)
+    noise = chain.equivalent_counts(machine.joint_names) / np.sqrt(12.0)
     assert noise[2] == pytest.approx(np.sqrt(2e-6 + chain.encoder_resolution["arm"] ** 2 / 12))
 
 

@@ -173,7 +173,7 @@ def record(
         ahead = motion.reference(times - begin - REST_S + controller.preview)
         led = Led(controller, plant, sensors, reference, ahead)
     velocity_filter = VelocityFilter(
-        [density[joint] for joint in joints], np.sqrt(12.0) * chain.position_noise(joints)
+        [density[joint] for joint in joints], chain.equivalent_counts(joints)
     )
     position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(joints)))
     force, flow = np.zeros((2, plant.injected_count, count, len(joints)))
