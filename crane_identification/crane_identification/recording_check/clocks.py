@@ -112,11 +112,14 @@ def _lag(signal: Signal) -> Lag | None:
     if signal.received is None or len(signal.time) < FEWEST:
         return None
     time, late = signal.time, signal.received - signal.time
-    middle = 0.5 * (time[0] + time[-1])
     # the first of the messages of each part is late by the clocks alone, others by queues too
     parts = np.array_split(np.arange(len(time)), FEWEST)
     quick = np.array([part[late[part].argmin()] for part in parts])
-    drift = float(np.polyfit(time[quick] - middle, late[quick], 1)[0])
+    # the median of slopes (Theil and Sen): one wrong time of the recorder does not tilt it
+    first, second = np.triu_indices(len(quick), 1)
+    between = time[quick][second] - time[quick][first]
+    rise = late[quick][second] - late[quick][first]
+    drift = float(np.median(rise[between > 0.0] / between[between > 0.0]))
     return Lag(signal.origin, float(np.median(late)), drift, float(time[-1] - time[0]))
 
 
