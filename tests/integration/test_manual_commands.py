@@ -75,7 +75,7 @@ def test_programs_know_their_arguments(page: str, arguments: list[str]) -> None:
     "wrong",
     [
         "crane_sim make_bag --trajectory x.yaml --periods 5 --output there",
-        "crane_sim make_bag --trajectory x.yaml --out there",
+        "crane_sim make_bag --trajectory x.yaml --periods 2",
         "crane_driver jog --ros-args -p largest:=0.15",
     ],
 )
