@@ -80,12 +80,12 @@ def table(law: CraneRun, found: Unplugged) -> Table:
     result = plain_table(f"The encoder of the {_plain(found.joint)}, unplugged in motion")
     result.add_column("what", no_wrap=True)
     result.add_column("", justify="right")
-    result.add_row(f"named by {found.named_by} after", f"{found.seconds_to_name:.2f} s")
+    result.add_row(f"found by {found.named_by} after", f"{found.seconds_to_name:.2f} s")
     result.add_row("valves neutral after", f"{found.seconds_to_neutral:.2f} s")
     error = 1e3 * found.estimate_error
-    result.add_row("home by the estimate; plugged in again, off by", f"{error:.1f} m{unit}")
+    result.add_row("at home: estimate less encoder, plugged in again", f"{error:.1f} m{unit}")
     load_shown = f"{found.load:.1f} ± {found.load_std_dev:.1f} kg"
-    result.add_row(f"load estimated on the way, of {found.true_load:g} kg", load_shown)
+    result.add_row(f"payload estimated on the way, of {found.true_load:g} kg", load_shown)
     return result
 
 
@@ -94,7 +94,7 @@ def draw(law: CraneRun, pulled: Pulled, found: Unplugged) -> None:
     encoder, estimate, load = heard(law, pulled)
     figure = Figure(figsize=(11.0, 6.0), layout="constrained")
     figure.suptitle(
-        f"The encoder of the {_plain(found.joint)} is unplugged in motion: home without it"
+        f"The encoder of the {_plain(found.joint)} fails in motion; the crane returns without it"
     )
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     upper.plot(_seconds(encoder, pulled), encoder.values, color=BEFORE, lw=1.2, label="encoder")
@@ -102,8 +102,8 @@ def draw(law: CraneRun, pulled: Pulled, found: Unplugged) -> None:
     unit = load_machine(law.machine).units[found.joint]
     upper.set_ylabel(f"{_plain(found.joint)} [{unit}]")
     _banded(lower, load, pulled, "estimate, ± 2 σ")
-    lower.axhline(found.true_load, color="0.5", lw=0.8, ls="--", label="hangs at the tip")
-    lower.set_ylabel("load [kg]")
+    lower.axhline(found.true_load, color="0.5", lw=0.8, ls="--", label="true payload")
+    lower.set_ylabel("payload [kg]")
     lower.set_ylim(0.0, 2.0 * found.true_load)
     lower.set_xlabel("time since the plug was pulled [s]")
     home = (pulled.home - pulled.at) / NANOSECONDS

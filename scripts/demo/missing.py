@@ -1,6 +1,6 @@
 """The last act: an effect that the model lacks is injected into the crane, and found in its bags.
 
-The effect is drawn from the seed, and its label is opened only after the answer.
+The effect is drawn from the seed, and the ground truth is opened only after the answer.
 """
 
 import numpy as np
@@ -14,6 +14,7 @@ from crane_identification.diagnosis.findings import Findings
 from crane_identification.report.terminal import plain_table
 from crane_model.machine import load_machine
 from crane_model.model_file import load_model
+from crane_model.terms import REGISTRY
 from crane_sim.effects.kernel import FORMS
 from crane_sim.ground_truth import GroundTruth, TrueEffect
 
@@ -23,7 +24,7 @@ PERIODS = 3
 STRENGTH = 0.04  # rms of the force of the effect over that of the drive
 FOLDER = OUT / "missing_effect"
 ANSWER = FOLDER / "diagnosis"
-LABELS = FOLDER / "labels"  # outside of the bags' folders: nobody who reads these sees it
+TRUTH = FOLDER / "truth"  # outside of the bags' folders: nobody who reads these sees it
 TRAIN = {"train_0": EXCITATION, "train_1": VALIDATION, "train_2": EXCITATION}
 HELD_OUT = {"held_out": VALIDATION}
 
@@ -32,8 +33,8 @@ def make_bags(suite: Processes, law: CraneRun, seed: int) -> None:
     """Record the machine with the effect, faster than real time."""
     effect, form, joint = drawn(law, np.random.default_rng(seed))
     spec_of_effect = {"effect": effect, "form": form, "joint": joint, "strength": STRENGTH}
-    LABELS.mkdir(parents=True)
-    spec = LABELS / "injected.yaml"
+    TRUTH.mkdir(parents=True)
+    spec = TRUTH / "injected.yaml"
     spec.write_text(yaml.safe_dump({"seed": seed, "effects": [spec_of_effect]}), encoding="utf-8")
     bags = TRAIN | HELD_OUT
     for number, (name, trajectory) in enumerate(bags.items(), start=1):
@@ -41,7 +42,7 @@ def make_bags(suite: Processes, law: CraneRun, seed: int) -> None:
             *(name, "crane_sim", "make_bag", "--out", FOLDER / "bags" / name),
             *("--machine", law.machine, "--trajectory", law.file(trajectory)),
             *("--periods", PERIODS, "--seed", 10 * seed + number),
-            *("--inject", spec, "--ground-truth", LABELS / f"{name}.json"),
+            *("--inject", spec, "--ground-truth", TRUTH / f"{name}.json"),
         )
     suite.finish(*bags)
 
@@ -78,14 +79,15 @@ def answer(suite: Processes) -> str:
 
 
 def table() -> Table:
-    """The answer beside the label, which is opened here."""
-    result = plain_table("The label, opened only now, and the answer")
+    """The answer and the ground truth, which is opened here."""
+    result = plain_table("The ground truth, opened only now, and the answer")
     for heading in ("", "effect", "joint"):
         result.add_column(heading, no_wrap=True)
-    for heading in ("strength", "force unexplained before", "after"):
+    for heading in ("magnitude", "force unexplained before", "after"):
         result.add_column(heading, justify="right")
     found = Findings.read(ANSWER / "findings.json")
-    for effect in injected():
+    true = injected()
+    for effect in true:
         result.add_row(
             "injected", effect.effect, effect.joint or "all", f"{effect.strength:.1%}", "", ""
         )
@@ -98,11 +100,15 @@ def table() -> Table:
             )
         )
         result.add_row("found", finding.effect, finding.joint, "", *errors)
+        term = REGISTRY.get(finding.effect)
+        forms = {*term.effect.kin, term.effect.law_of} if term and term.effect else set()
+        if same := forms & {effect.effect for effect in true}:
+            result.caption = f"{finding.effect}: a model form of the same effect as {min(same)}"
     if not found.findings:
         result.add_row(found.verdict, "", "", "", "", "")
     return result
 
 
 def injected() -> list[TrueEffect]:
-    """What the label says; opened after the answer."""
-    return GroundTruth.read(LABELS / "held_out.json").effects
+    """The ground truth; opened after the answer."""
+    return GroundTruth.read(TRUTH / "held_out.json").effects

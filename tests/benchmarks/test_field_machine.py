@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from crane_identification.data.arguments import Sources
+from crane_identification.data.sources import Sources
 from crane_identification.fitting import validate
 from crane_identification.hydraulics.joint_estimate import identify_joint
 from crane_identification.identify import main as identify

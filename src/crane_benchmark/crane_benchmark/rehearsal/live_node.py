@@ -113,7 +113,7 @@ def follow(
     Recorded as the bag "follow". `ProcessError` as `experiment`.
     """
     with Onlooker(suite, domain) as onlooker:
-        say(f"the motion of the fit again, led by the fitted model: {controller}")
+        say(f"the motion of the fit again, controlled by the fitted model: {controller}")
         led = ("-p", f"law:={controller}", "-p", f"model:={run.fitted}")
         start(suite, run, seed, *led, listeners=LEADING)
         experiment(suite, onlooker, run, "follow", EXCITATION, FOLLOW_PERIODS, LEADING)
