@@ -117,7 +117,14 @@ def draw(law: CraneRun, pulled: Pulled, found: Unplugged) -> None:
     for name, when in {"unplugged": 0.0, "home": home}.items():
         place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
         upper.annotate(
-            name, (when, 1.0), xytext=(3, -2), rotation=90, va="top", color="0.4", **place
+            name,
+            (when, 1.0),
+            xytext=(-2, -2),
+            rotation=90,
+            ha="right",
+            va="top",
+            color="0.4",
+            **place,
         )
     figure.savefig(PICTURE, dpi=130)
 
