@@ -243,7 +243,7 @@ def export_urdf(model: Model, prior: Path | str | None = None) -> str:
 
 
 def _sources(identified: np.ndarray, combined: np.ndarray, source: str) -> str:
-    """Where the ten parameters of a body come from."""
+    """The source of the ten parameters of a body."""
     shares = {
         "identified alone": identified,
         "identified in combination with other values": combined,
@@ -323,7 +323,7 @@ def export_mjcf(model: Model, prior: Path | str | None = None) -> str:
 
 
 class ExportRequest(NamedTuple):
-    """What is asked of `export`."""
+    """The command line of `export`."""
 
     model: Path
     prior: Path | None

@@ -1,6 +1,5 @@
 """Progress of computations: one bar a phase."""
 
-from multiprocessing import parent_process
 from types import TracebackType
 from typing import Self
 
@@ -22,9 +21,7 @@ class ProgressBar:
         self._bar: tqdm | None = None
 
     def __call__(self, phase: str, done: float) -> None:
-        """Show `phase` at the share `done`, 0 to 1; in the process of the command alone."""
-        if parent_process():
-            return
+        """Show `phase` at the share `done`, 0 to 1."""
         if phase != self._phase or self._bar is None:
             self.close()
             self._phase = phase

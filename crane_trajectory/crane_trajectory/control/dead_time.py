@@ -64,7 +64,7 @@ NOT_MEASURED = int(ControlCondition.NOT_MEASURED)
 
 
 class PredictorGains(NamedTuple):
-    """Of one joint."""
+    """Gains of the predictor of one joint."""
 
     kv: float  # 1/s
     l1: float  # 1/s
@@ -79,13 +79,13 @@ class LoopMargins(NamedTuple):
     delay: float  # s, that the lag may be longer
 
     def suffice(self, lag: float) -> bool:
-        """Whether they are those of `LEAST_MARGINS`, for a lag [s]."""
+        """Return whether the margins reach `LEAST_MARGINS` for a lag [s]."""
         gain, phase, share = LEAST_MARGINS
         return self.gain >= gain and self.phase >= phase and self.delay >= share * lag
 
 
 def margins(gains: PredictorGains, lag: float) -> LoopMargins:
-    """Of the loop that is cut where the valve is commanded; the joint integrates, `lag` [s] late.
+    """Margins of the loop, cut at the valve command; the joint integrates `lag` [s] late.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ class PredictiveFlow:
 
     @property
     def margins(self) -> dict[str, LoopMargins]:
-        """Of each joint."""
+        """Margins of each joint."""
         pairs = zip(self._joints, self.gains, self.lag, strict=True)
         return {joint: margins(gains, float(lag)) for joint, gains, lag in pairs}
 
@@ -217,11 +217,11 @@ class PredictiveFlow:
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:
-        """Of each joint, after the last command."""
+        """Condition of each joint after the last command."""
         return conditions(self._codes)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
-        """As `Controller` has it."""
+        """Return the valve commands (j,), see `Controller`."""
         dt = min(max(dt, 0.0), LONGEST_CYCLE)
         now, ahead = wanted.now, wanted.ahead
         known = np.isfinite(reading.position + now.position + ahead.position + ahead.velocity)

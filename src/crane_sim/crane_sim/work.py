@@ -91,11 +91,11 @@ class Joysticks:
         self._since, self._pause = 0.0, 1.0
 
     def start(self, command: np.ndarray) -> None:
-        """He takes the levers where they are (j,)."""
+        """Take the levers at their positions `command` (j,)."""
         self._lever = np.array(command, dtype=float)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
-        """As `Controller` has it; nothing is `wanted` of him."""
+        """Return the valve commands (j,), see `Controller`; `wanted` is not used."""
         self._time += dt
         if self._time >= self._glance and np.isfinite(reading.velocity).all():
             self._glance = self._time + GLANCE_S * self._rng.uniform(0.7, 1.3)

@@ -14,10 +14,9 @@ from crane_model.machine_files import machine_file
 from crane_model.sensors import InertialSensor
 from crane_sim.make_bag import main
 from crane_sim.options import load_both
-from crane_sim.parts.dead_time import DeadTime
-from crane_sim.parts.inertial import InertialSensors
 from crane_sim.parts.parameters import SimulatedCrane
-from crane_sim.plant.plant import Plant
+from crane_sim.plant.plant import DeadTime, Plant
+from crane_sim.plant.sampled import InertialSensors
 from crane_sim.work import load_work
 
 NAME, WARM_S = "field_excavator", 1e5

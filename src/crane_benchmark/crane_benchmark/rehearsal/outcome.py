@@ -17,7 +17,7 @@ class RehearsedParameter(ResultPart):
     """A parameter of mechanics or hydraulics."""
 
     name: str
-    """As in model files."""
+    """Name of the parameter in model files."""
     unit: str
     """SI."""
     true_value: float
@@ -51,7 +51,7 @@ class RehearsedParameter(ResultPart):
 
 
 class LostEncoder(ResultPart):
-    """What the suite did when an encoder froze in motion."""
+    """The reaction of the suite to an encoder that froze in motion."""
 
     joint: str
     """Joint whose encoder froze."""
@@ -64,7 +64,7 @@ class LostEncoder(ResultPart):
 
 
 class Rehearsal(ResultFile):
-    """What a rehearsal on the simulated crane of a machine folder found."""
+    """The results of a rehearsal on the simulated crane of a machine folder."""
 
     machine: str
     """Name of the machine."""
@@ -75,7 +75,7 @@ class Rehearsal(ResultFile):
     failed: dict[str, str]
     """Errors by step; empty if the rehearsal is complete."""
     seed: int
-    """Of sensor noise [-]."""
+    """Seed of the sensor noise [-]."""
     wall_seconds: float
     """How long the rehearsal took [s]."""
     valves: list[RehearsedValve] = []

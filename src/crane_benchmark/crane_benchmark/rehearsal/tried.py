@@ -169,21 +169,21 @@ def _stopped(
 
 
 class RehearsedFault(ResultPart):
-    """What an injected fault did in a recording, and whether the sensor monitor named it."""
+    """The effect of an injected fault on a recording, and the finding of the sensor monitor."""
 
     fault: str
-    """As `make_bag --fault` writes it."""
+    """The fault in the notation of `make_bag --fault`."""
     off: Number
     """Largest difference of the joint from its reference in the second after the onset [rad, m];
     null for a fault of no joint, or if the crane could not go on."""
     usual: Number
     """The same in the same second without a fault [rad, m]."""
     named: str
-    """What the monitor named first; empty if it named nothing."""
+    """The first finding of the monitor; empty if there is none."""
     right: bool
-    """Whether that is the part that failed."""
+    """Whether the finding names the part that failed."""
     seconds: Number
-    """From the onset to the naming [s]; null if nothing was named."""
+    """Time from the onset to the finding [s]; null if there is none."""
 
 
 def every_kind(machine: Machine, joint: str) -> list[str]:
