@@ -126,7 +126,7 @@ def test_a_listener_publishes_refuses_and_sends_nothing(place: Place) -> None:
         output = place.heard["valve_output"]
         return output.command[output.name.index("telescope")]
 
-    place.until(lambda: opened() == OPENING)
+    place.until(lambda: opened() == OPENING and "/diagnostics" in place.heard)
     shown = {one.name: one for one in place.heard["/diagnostics"].status}
     assert "listening; the driver only listens" in shown["driver: safety"].message
     assert place.node.count_subscribers("valve_command") == 0
