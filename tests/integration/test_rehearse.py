@@ -1,22 +1,41 @@
 """A rehearsal of the machine with one axis, with real processes in simulated time."""
 
+import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 from ament_index_python.packages import get_package_prefix
 
 from crane_benchmark.rehearsal.outcome import Rehearsal
 from crane_driver.operator.bringup.rehearsed import why_not_rehearsed
+from crane_model.machine_files import machine_file
 
 REHEARSE = Path(get_package_prefix("crane_benchmark")) / "lib" / "crane_benchmark" / "rehearse"
 FAULTS = ("boom.encoder.stuck", "boom.pressure_a.offset")
+PERIOD, HARMONICS, SHARE = 10.0, 2, 0.75  # s, -, -: of shorter motions, within the joint's speed
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A user's machine folder, with motions of half the time of the shipped ones."""
+    folder = tmp_path_factory.mktemp("machine") / "own_axis"
+    shutil.copytree(machine_file("machine.yaml", "single_axis").parent, folder)
+    for name in ("excitation_20s.yaml", "validation_20s.yaml"):
+        motion = yaml.safe_load((folder / name).read_text(encoding="utf-8"))
+        boom = motion["joints"]["boom"]
+        for part in ("sine", "cosine"):
+            boom[part] = [SHARE * value for value in boom[part][:HARMONICS]]
+        short = {"name": motion["name"], "period": PERIOD, "joints": {"boom": boom}}
+        (folder / name).write_text(yaml.safe_dump(short), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(machine: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("rehearsal") / "single_axis"
-    words = ["--machine", "single_axis", "--out", out, "--periods", "2"]
+    words = ["--machine", machine, "--out", out, "--periods", "2"]
     for fault in FAULTS:
         words += ["--fault", fault]
     done = subprocess.run([REHEARSE, *words], capture_output=True, text=True, cwd=out.parent)
@@ -51,6 +70,6 @@ def test_the_page_tells_it(folder: Path) -> None:
         assert f"<h2>{heading}</h2>" in page
 
 
-def test_bring_up_takes_it_for_the_same_files_only(folder: Path) -> None:
-    assert why_not_rehearsed(folder, "single_axis") == ""
+def test_bring_up_takes_it_for_the_same_files_only(folder: Path, machine: Path) -> None:
+    assert why_not_rehearsed(folder, str(machine)) == ""
     assert "have changed" in why_not_rehearsed(folder, "excavator")
