@@ -1,6 +1,6 @@
 """Which of the sets that the search found are findings, and what cannot be told from each."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -100,7 +100,7 @@ def _growing(
     """Yield the best set of one effect more than the `settled` ones, then of two more, and so on.
 
     Effects that do not pass are refused, and the best set without them is weighed, until no set
-    gains more than chance.
+    gains more than chance, or than the form of the strongest effect may leave.
     """
     known, passed = len(settled), settled
     while len(passed) < known + LARGEST_SET:
@@ -108,13 +108,24 @@ def _growing(
         best = best_beside(selection, size, settled)
         if best is None:
             return
+        gain = best.gain - selection.sets(size - 1)[0].gain
+        if gain < left_by_forms(passed, thresholds):
+            return
         yield (weighed := _weighed(selection.search, best, settled, threshold, thresholds))
         if not weighed.rejections:
             passed = weighed.found
-        elif best.gain - selection.sets(size - 1)[0].gain > threshold:
+        elif gain > threshold:
             selection.refuse(size, _new(selection.search, best, passed, thresholds))
         else:
             return
+
+
+def left_by_forms(passed: Sequence[Judged], thresholds: Thresholds) -> float:
+    """Gain that the strongest of these effects leaves where its form is not the machine's, at most;
+    0 if none has a form.
+    """
+    most = max((one.score for one in passed if not _scales(one)), default=0.0)
+    return thresholds.method.elsewhere_share * most
 
 
 def _new(

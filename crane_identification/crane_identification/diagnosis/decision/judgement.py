@@ -11,6 +11,7 @@ from crane_identification.diagnosis.fit.evidence import Evidence, beside, leadin
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import (
     NOTHING,
+    BesideSet,
     Projection,
     Subset,
     Whitener,
@@ -36,15 +37,12 @@ def null_gains(
     Parametric bootstrap: the noise of whitened rows is white, so that the inner products with the
     columns are jointly normal with their Gram matrix as covariance, and need no rows at all.
     """
-    columns_of = projection.columns_of
-    inside = [int(c) for i in numbers for c in columns_of[i]]
+    inside = np.array([c for i in numbers for c in projection.columns_of[i]], dtype=int)
+    beside_set = BesideSet(projection, inside)
     rng = np.random.default_rng(SEED)
     score = projection.root @ rng.standard_normal((len(projection.gram), replicates))
-    gram = projection.gram
-    if inside:
-        mixed = np.linalg.solve(gram[np.ix_(inside, inside)], gram[inside])
-        score, gram = score - mixed.T @ score[inside], gram - gram[:, inside] @ mixed
-    size = np.diag(gram)
+    score = beside_set.of(score)
+    size = beside_set.blocks(np.arange(len(score))[:, np.newaxis])[:, 0, 0]
     seen = size > 1e-6
     allowed = seen[:, None] & (~projection.positive[:, None] | (score > 0.0))
     gains = np.where(allowed, score**2 / np.where(seen, size, 1.0)[:, None], 0.0)
@@ -54,7 +52,7 @@ def null_gains(
     np.add.at(totals, projection.owner, gains)
     for count, (several, columns) in projection.by_count.items():
         if count > 1:
-            blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
+            blocks = beside_set.blocks(columns)
             inverse = np.linalg.pinv(blocks, rcond=1e-9, hermitian=True)
             own = score[columns]
             free = np.einsum("mkr,mkr->mr", own, inverse @ own)
@@ -273,8 +271,8 @@ def _followed(projection: Projection, sign: float, column: int, others: np.ndarr
     """Cosine between a column of that sign and the nearest force that others can have."""
     inner = sign * projection.gram[others, column]
     block = projection.gram[np.ix_(others, others)]
-    values = constrained(block, inner, projection.positive[others])
-    return 0.0 if values is None else float(np.sqrt(max(values @ inner, 0.0)))
+    (values,), apart = constrained(block[None], inner[None], projection.positive[None, others])
+    return float(np.sqrt(max(values @ inner, 0.0))) if apart[0] else 0.0
 
 
 def simplest(

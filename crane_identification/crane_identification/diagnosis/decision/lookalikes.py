@@ -99,16 +99,6 @@ def _is_the_machines(
 # Whether a further effect is but the form of another one, which its law leaves over.
 
 
-def faint(
-    gains: Sequence[float], share: float, asked: Collection[int], formless: Collection[int] = ()
-) -> bool:
-    """Whether one of the effects `asked` gains less than that share of what the strongest does of
-    those that are not `formless`.
-    """
-    most = max((gain for place, gain in enumerate(gains) if place not in formless), default=0.0)
-    return any(gains[place] < share * most for place in asked)
-
-
 def slight(
     channels: Sequence[np.ndarray],
     gains: Sequence[float],
@@ -177,10 +167,11 @@ def of_one_form(
     gains, method = marginal(search, subset), thresholds.method
     effects = [search.projection.candidates[number].candidate.effect for number in subset.numbers]
     formless = {place for place, effect in enumerate(effects) if effect.formless}
-    places = range(settled, len(gains))
-    if faint(gains, method.elsewhere_share, places, formless):
-        return True
-    further = [place for place in places if not fills(search, subset, place, chance, thresholds)]
+    further = [
+        place
+        for place in range(settled, len(gains))
+        if not fills(search, subset, place, chance, thresholds)
+    ]
     where = [channels(search, number) for number in subset.numbers]
 
     def of_another(asked: Collection[int]) -> bool:
