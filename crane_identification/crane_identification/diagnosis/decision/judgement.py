@@ -148,22 +148,17 @@ def held_out_gains(
     label = fold[whitener.row]
     old, new, force = whitener(before), whitener(added), whitener(evidence.left)
     known = leading(old, old.shape[1])
-    return np.array([_gain(known, new, force, label == i) for i in range(len(names))]), names
+    return np.array([gain(known, new, force, label == i) for i in range(len(names))]), names
 
 
-def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
+def gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
     """What the whitened columns `added` (N, k) gain on the rows `out` (N,), fitted to the others.
 
-    NaN where the others do not determine them. Directions of `before` (N, d) that the others do not
-    determine, as a nuisance of one recording, are taken out of both sides, with and without the
-    columns: nothing predicts them. So are columns that are in those rows alone, as a load which no
-    other recording carries: the rest is predicted better where the others have theirs.
+    NaN where the others do not determine them. Directions of the orthonormal columns `known` (N, d)
+    that the others do not determine, as a nuisance of one recording, are taken out of both sides:
+    nothing predicts them. So are columns that are in those rows alone, as a load which no other
+    recording carries: the rest is predicted better where the others have theirs.
     """
-    return _gain(leading(before, before.shape[1]), added, force, out)
-
-
-def _gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
-    """The same beside the orthonormal columns `known` (N, d)."""
     alone = ~added[~out].any(axis=0) & added[out].any(axis=0)
     private, added = added[:, alone], added[:, ~alone]
     rest = beside(known, added)
