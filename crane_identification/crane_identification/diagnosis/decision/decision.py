@@ -136,13 +136,12 @@ def _new(
     known = {one.shaped.candidate for one in passed}
     numbers = [i for i in subset.numbers if candidates[i].candidate not in known]
     alike = thresholds.method.form_correlation
-    return {
-        one.candidate
-        for number in numbers or subset.numbers
-        for i, one in enumerate(candidates)
-        if one.candidate not in known
-        and (one.candidate == candidates[number].candidate or likeness(search, i, number) > alike)
-    }
+    effect, refused = search.projection.effect, set[Candidate]()
+    for number in numbers or subset.numbers:
+        same = effect == effect[number]
+        same |= likeness(search, number, range(len(candidates))) > alike
+        refused |= {candidates[i].candidate for i in np.flatnonzero(same)}
+    return refused - known
 
 
 def _weighed(

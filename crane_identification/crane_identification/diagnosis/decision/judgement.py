@@ -237,37 +237,51 @@ def same_effect(one: Candidate, other: Candidate) -> bool:
     return one.joint == other.joint and other.type in one.effect.kin
 
 
-def likeness(search: Search, one: int, other: int) -> float:
-    """Cosine of the angle by which what one candidate explains lies outside the other, beside the
-    base: of the one with fewer columns the worst of them, as far as the signs of parameters let the
-    other one follow it.
+def likeness(search: Search, one: int, others: Sequence[int]) -> np.ndarray:
+    """Cosines (m,) of the angles by which what one candidate explains lies outside each of m other
+    candidates, beside the base: of the one with fewer columns the worst of them, as far as the
+    signs of parameters let the other one follow it.
     """
-    projection = search.projection
-    a, b = projection.columns_of[one], projection.columns_of[other]
-    gram, free = projection.gram, ~projection.positive
-    if len(a) > 1 and len(b) > 1 and free[a].all() and free[b].all():
-        roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
-        mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)
-        return float(np.linalg.svd(mixed, compute_uv=False).min())
-    pairs = [(few, many) for few, many in ((a, b), (b, a)) if len(few) <= len(many)]
-    return min(
-        max(_followed(projection, sign, column, many) for sign in _signs(free[column]))
-        for few, many in pairs
-        for column in few
-    )
+    projection, out = search.projection, np.full(len(others), np.inf)
+    own, gram, free = projection.columns_of[one], projection.gram, ~projection.positive
+    counts = np.array([len(projection.columns_of[other]) for other in others], dtype=int)
+    for count in np.unique(counts):
+        places = np.flatnonzero(counts == count)
+        columns = np.stack([projection.columns_of[others[place]] for place in places])
+        bound = np.ones(len(places), dtype=bool)
+        if len(own) > 1 and count > 1 and free[own].all():
+            bound = ~free[columns].all(axis=1)
+            out[places[~bound]] = [_least_canonical(gram, own, each) for each in columns[~bound]]
+        places, columns = places[bound], columns[bound]
+        all_own = np.broadcast_to(own, (len(places), len(own)))
+        pairs = [(few, many) for few, many in ((all_own, columns), (columns, all_own))
+                 if few.shape[1] <= many.shape[1]]  # fmt: skip
+        for few, many in pairs:
+            for column in few.T:
+                backwards = np.where(free[column], _followed(projection, -1.0, column, many), 0.0)
+                cosine = np.maximum(_followed(projection, 1.0, column, many), backwards)
+                out[places] = np.minimum(out[places], cosine)
+    return out
 
 
-def _signs(free: bool) -> tuple[float, ...]:
-    """Signs that a parameter may have."""
-    return (1.0, -1.0) if free else (1.0,)
+def _least_canonical(gram: np.ndarray, one: np.ndarray, other: np.ndarray) -> float:
+    """Least canonical correlation of two sets of columns."""
+    roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (one, other)]
+    mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(other, one)]).T)
+    return float(np.linalg.svd(mixed, compute_uv=False).min())
 
 
-def _followed(projection: Projection, sign: float, column: int, others: np.ndarray) -> float:
-    """Cosine between a column of that sign and the nearest force that others can have."""
-    inner = sign * projection.gram[others, column]
-    block = projection.gram[np.ix_(others, others)]
-    (values,), apart = constrained(block[None], inner[None], projection.positive[None, others])
-    return float(np.sqrt(max(values @ inner, 0.0))) if apart[0] else 0.0
+def _followed(
+    projection: Projection, sign: float, column: np.ndarray, others: np.ndarray
+) -> np.ndarray:
+    """Cosines (m,) between columns (m,) of that sign and the nearest forces that others (m, k) can
+    have.
+    """
+    inner = sign * projection.gram[others, column[:, np.newaxis]]
+    blocks = projection.gram[others[:, :, np.newaxis], others[:, np.newaxis]]
+    values, apart = constrained(blocks, inner, projection.positive[others])
+    power = np.einsum("mk,mk->m", values, inner)
+    return np.where(apart, np.sqrt(np.maximum(power, 0.0)), 0.0)
 
 
 def simplest(
@@ -287,7 +301,7 @@ def simplest(
             if subset.gain - swapped.gain > needed:
                 break
             simpler = freedom(search, other) < freedom(search, own)
-            if simpler and likeness(search, own, other) > method.form_correlation:
+            if simpler and likeness(search, own, [other])[0] > method.form_correlation:
                 order = (*subset.numbers[:place], other, *subset.numbers[place + 1 :])
                 subset = solve(search.projection, order) or subset
                 break
@@ -431,10 +445,12 @@ def _judged(
     number = subset.numbers[place]
     own = projection.candidates[number]
     rest = without(search, subset, place)
+    replaced = in_place_of(search, subset, place)
+    cosines = likeness(search, number, [swapped.numbers[-1] for swapped in replaced]).tolist()
     swaps = [
         (swapped, alike)
-        for swapped in in_place_of(search, subset, place)
-        if (alike := likeness(search, number, swapped.numbers[-1])) > method.rival_correlation
+        for swapped, alike in zip(replaced, cosines, strict=True)
+        if alike > method.rival_correlation
         or same_effect(own.candidate, projection.candidates[swapped.numbers[-1]].candidate)
     ]
     left = unexplained_beside(search, subset, place)

@@ -20,6 +20,7 @@ from crane_identification.diagnosis.search.candidates import (
 from crane_identification.diagnosis.search.projection import (
     BEAM,
     NOTHING,
+    Base,
     LargerSets,
     Projection,
     Subset,
@@ -46,7 +47,9 @@ class ForwardSelection:
 
     search: Search
     progress: Progress = silent
-    _known: dict[Hashable, ShapedCandidate] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[Hashable, tuple[Base, Projection]] = field(
+        default_factory=dict, init=False, repr=False
+    )
     _refused: set[Candidate] = field(default_factory=set, init=False, repr=False)
     _larger: LargerSets = field(default_factory=dict, init=False, repr=False)
     _size: int = field(default=0, init=False, repr=False)  # of the sets in `_larger`
@@ -114,9 +117,12 @@ class ForwardSelection:
     def _alone(self, candidate: Candidate, shape: dict[str, Any]) -> Projection:
         """The projection of a single candidate; other sets ask for the same shapes again."""
         key, search = (candidate, tuple(sorted(shape.items()))), self.search
-        if key not in self._known:
-            self._known[key] = at_shape(search.evidence, candidate, shape)
-        return project(search.whitener, search.base, [self._known[key]])
+        base, one = self._known.get(key, (None, None))
+        if one is None or base is not search.base:
+            shaped = one.candidates[0] if one else at_shape(search.evidence, candidate, shape)
+            one = project(search.whitener, search.base, [shaped])
+            self._known[key] = search.base, one
+        return one
 
     def _joined(self, one: Projection) -> int:
         """The number of the single candidate of `one`, now that the search has it."""

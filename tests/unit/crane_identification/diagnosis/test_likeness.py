@@ -80,8 +80,8 @@ def term(kind: str, **shape: float) -> Term:
 )
 def test_likeness_respects_signs(one, other, signed: bool, expected: float) -> None:
     made = search_over((term("load_friction"), one, signed), (term("seal_friction"), other, signed))
-    assert likeness(made, 0, 1) == pytest.approx(expected, abs=1e-3)
-    assert likeness(made, 1, 0) == pytest.approx(expected, abs=1e-3)
+    assert likeness(made, 0, [1])[0] == pytest.approx(expected, abs=1e-3)
+    assert likeness(made, 1, [0])[0] == pytest.approx(expected, abs=1e-3)
 
 
 WAVES = term("cyclic_friction", wave=3.0)
