@@ -36,7 +36,7 @@ from crane_identification.diagnosis.decision.signatures import (
     start_beside,
 )
 from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.projection import NOTHING, Subset, solve
+from crane_identification.diagnosis.search.projection import NOTHING, Subset
 from crane_identification.diagnosis.search.search import Search, beside_lengths
 from crane_identification.diagnosis.search.selection import LARGEST_SET, ForwardSelection
 from crane_identification.thresholds import Thresholds
@@ -202,10 +202,8 @@ def _beside_lengths(
     which they are, is nothing to a further effect.
     """
     search = selection.search = beside_lengths(selection.search)
-    numbers = tuple(search.number(one.shaped) for one in passed if _scales(one))
-    scales = max(
-        best_pair(search), solve(search.projection, numbers) or NOTHING, key=lambda one: one.gain
-    )
+    named = search.together(one.shaped for one in passed if _scales(one))
+    scales = max(best_pair(search), named, key=lambda one: one.gain)
     scales = smallest(search, scales, threshold)
     selection.go_on_from(scales)
     settled = tuple(all_judged(selection.search, scales, thresholds))
@@ -213,8 +211,7 @@ def _beside_lengths(
     if len(found) == len(settled):
         selection.go_on_from(NOTHING)
         other = _largest(_growing(selection, (), threshold, thresholds), ())
-        numbers = tuple(selection.search.number(one.shaped) for one in other)
-        together = (solve(selection.search.projection, numbers) if numbers else None) or NOTHING
+        together = selection.search.together(one.shaped for one in other)
         found = other if together.gain - scales.gain > threshold else found
     return _sure(selection, found, thresholds) or passed
 
@@ -231,8 +228,7 @@ def _sure(
     left = [one for one in found if not any(one is other for other in out)]
     if len(left) == len(found) or not left:
         return tuple(left)
-    numbers = tuple(selection.search.number(one.shaped) for one in left)
-    selection.go_on_from(solve(selection.search.projection, numbers) or NOTHING)
+    selection.go_on_from(selection.search.together(one.shaped for one in left))
     return tuple(all_judged(selection.search, selection.search.sets[-1][0], thresholds))
 
 
@@ -265,8 +261,7 @@ def _together(
         left = [one for one in found if not objection(one, thresholds)]
         if len(left) == len(found):
             return tuple(found)
-        numbers = tuple(search.number(one.shaped) for one in left)
-        subset = (solve(search.projection, numbers) or NOTHING) if numbers else NOTHING
+        subset = search.together(one.shaped for one in left)
     selection.go_on_from(NOTHING)
     return ()
 

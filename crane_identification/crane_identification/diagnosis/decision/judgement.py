@@ -133,19 +133,17 @@ def _blocks(block: np.ndarray, count: int) -> Folds:
 
 
 def held_out_gains(
-    evidence: Evidence,
-    whitener: Whitener,
-    before: np.ndarray,
-    added: np.ndarray,
-    asked: Folds | None = None,
+    search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     """2 dlogL of each fold that is `asked`, of all if none is given, that the columns `added`
-    (n, j, k) gain beside `before`.
+    (n, c, k) gain beside the model and the `rest` (n, c, k each); with the names of the folds.
 
     NaN for a fold without which the others do not tell the columns from those before.
     """
+    evidence, whitener = search.evidence, search.whitener
     fold, names = asked or folds(evidence)
     label = fold[whitener.row]
+    before = np.concatenate([evidence.free, *rest], axis=2)
     old, new, force = whitener(before), whitener(added), whitener(evidence.left)
     known = leading(old, old.shape[1])
     return np.array([gain(known, new, force, label == i) for i in range(len(names))]), names
@@ -324,7 +322,6 @@ class Reason(Enum):
     RIVALS = "rivals"  # effects that look different are as good
     SIGNATURE = "signature"  # another signature explains more than any curve of the effect
     CLOSED = "closed"  # [share of the held-out gap that it closes; share that is asked for]
-    RESEMBLANCE = "resemblance"  # [share that it explains of what can be explained; least share]
     WIDENED = "widened"  # the held-out error does not fall where the effect acts
 
 
@@ -471,13 +468,11 @@ def _judged(
             continue  # the same with more freedom, which it does not need
         rivals.append(Rival(other.candidate, lead, needed_of_same if related else needed))
     indistinct = [one.candidate for one in rivals if one.lead <= one.needed]
-    evidence = search.evidence
     columns = [projection.candidates[i].columns for i in rest.numbers]
-    before = np.concatenate([evidence.free, *columns], axis=2)
     found = found_values(search, subset, place)
     asked = folds_asked(search, own, found)
     acting = own.columns[:, :, found != 0.0]
-    held_out, names = held_out_gains(evidence, search.whitener, before, acting, asked)
+    held_out, names = held_out_gains(search, columns, acting, asked)
     runner_up = projection.candidates[swaps[0][0].numbers[-1]].candidate if swaps else None
     closest = runner_up is not None and same_effect(own.candidate, runner_up)
     return Judged(

@@ -31,7 +31,7 @@ from crane_identification.diagnosis.search.projection import (
 from crane_identification.diagnosis.search.search import (
     Search,
     columns_of_lengths,
-    explained,
+    gained,
 )
 from crane_identification.thresholds import Thresholds
 
@@ -148,11 +148,8 @@ def as_kinds(
             [one for one, here in zip(out, alike, strict=True) if here is which]
             for which in (True, False)
         )
-        before = np.concatenate(
-            [search.evidence.free, *(one.shaped.columns for one in rest)], axis=2
-        )
         added = np.concatenate([one.shaped.columns for one in own], axis=2)
-        gains, names = held_out_gains(search.evidence, search.whitener, before, added)
+        gains, names = held_out_gains(search, [one.shaped.columns for one in rest], added)
         numbers = members.get(kind) or [search.number(one.shaped) for one in own]
         null, threshold = chance_of_kind(search, numbers, thresholds)
         others = _other_kinds(own)
@@ -282,8 +279,7 @@ def _or_lengths(search: Search, scale: Judged, rest: Sequence[Judged]) -> Judged
     if any(one.type == LINKAGE for one in (scale.shaped.candidate, *scale.indistinct)):
         return scale
     lengths = _lengths(search, rest, [one.shaped.candidate for one in rest])
-    columns = [one.shaped.columns for one in (*rest, scale)]
-    gain = explained(search, *columns) - (explained(search, *columns[:-1]) if rest else 0.0)
+    gain = gained(search, [one.shaped.columns for one in rest], scale.shaped.columns)
     if gain - float(lengths.force @ lengths.made) > scale.needed:
         return scale
     return replace(scale, indistinct=(*scale.indistinct, *lengths.linkages))

@@ -136,8 +136,6 @@ def test_gains_of_folds_are_of_whitened_rows() -> None:
     column = np.random.default_rng(23).standard_normal(made.ROWS)
     found = made.searched({"offset": 1e-3 * column}, 2.0 * column)
     shaped = found.projection.candidates[0]
-    gains, said = held_out_gains(
-        found.evidence, found.whitener, found.evidence.free, shaped.columns
-    )
+    gains, said = held_out_gains(found, (), shaped.columns)
     assert len(gains) == len(said) == TIME_BLOCKS
     np.testing.assert_allclose(gains, 4.0 * made.ROWS / TIME_BLOCKS, rtol=0.5)
