@@ -245,7 +245,7 @@ def likeness(search: Search, one: int, others: Sequence[int]) -> np.ndarray:
     counts = np.array([len(projection.columns_of[other]) for other in others], dtype=int)
     for count in np.unique(counts):
         places = np.flatnonzero(counts == count)
-        columns = np.stack([projection.columns_of[others[place]] for place in places])
+        columns = np.stack([projection.columns_of[others[place]] for place in places.tolist()])
         bound = np.ones(len(places), dtype=bool)
         if len(own) > 1 and count > 1 and free[own].all():
             bound = ~free[columns].all(axis=1)

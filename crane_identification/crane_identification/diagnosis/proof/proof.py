@@ -34,6 +34,7 @@ from crane_identification.diagnosis.proof.gap import (
     learn,
     measure,
     pulsations,
+    unchanged,
 )
 from crane_identification.diagnosis.search.candidates import (
     NO_LOAD,
@@ -393,11 +394,10 @@ def proved(
     before = tried(fit, search, (), thresholds)
     progress("what is left", 0.5)
     short: list[Short] = []
+    known = unchanged(fit)
     while True:
         trial = tried(fit, search, wanted, thresholds) if wanted else before
-        gap = measure(
-            fit.before, trial.model, fit.evidence, fit.held_out, fit.periods, thresholds.method
-        )
+        gap = measure(fit, trial.model, thresholds.method, known)
         failing = [
             Short(one, why) for one in trial.effects if (why := objection(one, gap, thresholds))
         ]
