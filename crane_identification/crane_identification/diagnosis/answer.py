@@ -28,10 +28,10 @@ from crane_identification.diagnosis.search.candidates import Candidate, Weighed
 from crane_identification.diagnosis.search.search import (
     Search,
     detectable,
-    explained,
+    gained,
     named_from,
     testable_share,
-    unexplained,
+    unexplained_on_joints,
 )
 from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_identification.diagnosis.unknown import (
@@ -282,27 +282,22 @@ def differing_forms(
     There, nonparametric curves over what the effect depends on explain most of the residual beyond
     noise, and help to predict recordings that they were not fitted to.
     """
-    if not effects:
-        return {}
     joints, method = search.evidence.joints, thresholds.method
-    subset = solve(search.projection, tuple(search.number(one.shaped) for one in effects))
-    if subset is None:
+    subset = search.together(one.shaped for one in effects)
+    if not subset.numbers:
         return {}
-    left = np.maximum(unexplained(search, subset), 0.0).reshape(-1, len(joints)).sum(axis=0)
+    left = unexplained_on_joints(search, subset)
     known = [one.shaped.columns for one in effects]
-    reached, found = explained(search, *known), dict[int, DifferingForm]()
-    setting = search.evidence.model.setting
-    before = np.concatenate([search.evidence.free, *known], axis=2)
+    setting, found = search.evidence.model.setting, dict[int, DifferingForm]()
     for one in effects:
         candidate = one.shaped.candidate
         curve = None if candidate.drawn else search.shapes.of(candidate)
         if curve is None or candidate.joint is None:
             continue
         j = joints.index(candidate.joint)
-        gain = explained(search, *known, curve.columns) - reached
-        if gain < max(method.simple_share * left[j], one.threshold):
+        if gained(search, known, curve.columns) < max(method.simple_share * left[j], one.threshold):
             continue
-        gains, _ = held_out_gains(search.evidence, search.whitener, before, curve.columns)
+        gains, _ = held_out_gains(search, known, curve.columns)
         if helps(gains, thresholds):
             beside_all = np.concatenate([*known, curve.columns], axis=2)
             fit = solved(search, beside(search.base.basis, search.whitener(beside_all)))
@@ -570,11 +565,6 @@ def _rejected(one: Rejection) -> str:
             return (
                 f"it closes {one.measured:.0%} of what could be closed of the gap on held-out "
                 f"recordings, and {limit:.0%} are asked for"
-            )
-        case Reason.RESEMBLANCE:
-            return (
-                f"it explains {one.measured:.0%} of what can be explained, and {limit:.0%} are "
-                "asked for"
             )
         case Reason.WIDENED:
             return with_it

@@ -38,7 +38,7 @@ from crane_identification.diagnosis.search.candidates import (
 )
 from crane_identification.diagnosis.search.projection import extended
 from crane_identification.diagnosis.search.search import Search, acting, search
-from crane_identification.diagnosis.search.selection import ForwardSelection, Subset, solve
+from crane_identification.diagnosis.search.selection import ForwardSelection, Subset
 from crane_identification.diagnosis.unknown import curves_of
 from crane_identification.estimation.autoregression import Autoregression
 from crane_identification.notation import is_determined
@@ -564,9 +564,9 @@ def _ambiguous(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
     search, effects = diagnosis.search, diagnosis.proof.trial.effects
     if not any(one.indistinct for one in effects):
         return
-    subset = solve(search.projection, tuple(search.number(one.shaped) for one in effects))
+    subset = search.together(one.shaped for one in effects)
     for place, judged in enumerate(effects):
-        if not judged.indistinct or subset is None or judged.shaped.candidate.changes:
+        if not judged.indistinct or not subset.numbers or judged.shaped.candidate.changes:
             continue
         others = {
             search.projection.candidates[one.numbers[-1]].candidate: one

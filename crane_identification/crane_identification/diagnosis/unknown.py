@@ -23,6 +23,7 @@ from crane_identification.diagnosis.search.search import (
     strength_on,
     strengths,
     unexplained,
+    unexplained_on_joints,
     widened,
 )
 from crane_identification.diagnosis.search.selection import NOTHING
@@ -41,7 +42,7 @@ def unknown_force(search: Search, j: int, counts: bool = False) -> UnknownPlace:
 
     With `counts`, its units are those of sensors that are not calibrated.
     """
-    joint, beyond = search.evidence.joints[j], float(_beyond_noise(search)[j])
+    joint, beyond = search.evidence.joints[j], float(unexplained_on_joints(search, NOTHING)[j])
     near = [_near(search, one, beyond, counts) for one in signatures(search, joint)]
     near.sort(key=lambda one: -(one.explained_share or 0.0))
     return UnknownPlace(
@@ -71,7 +72,7 @@ def left_elsewhere(
     if not elsewhere:
         return ()
     left = widened(search, np.concatenate([one.shaped.columns for one in effects], axis=2))
-    beyond = _beyond_noise(left)
+    beyond = unexplained_on_joints(left, NOTHING)
     found = []
     for j in elsewhere:
         gains = [explained(left, one.columns) for one in signatures(left, joints[j])]
@@ -129,15 +130,8 @@ def solved(search: Search, rest: np.ndarray) -> Solved:
     return Solved(spread @ score / norms, std_devs, float(score @ spread @ score))
 
 
-def _beyond_noise(search: Search) -> np.ndarray:
-    """Energy of the residual beyond noise on each joint (j,)."""
-    by_channel = np.maximum(unexplained(search, NOTHING), 0.0)
-    return by_channel.reshape(-1, len(search.evidence.joints)).sum(axis=0)
-
-
 def _near(search: Search, one: ForceSignature, beyond: float, counts: bool) -> NearbySignature:
-    evidence = search.evidence
-    gains, _ = held_out_gains(evidence, search.whitener, evidence.free, one.columns)
+    gains, _ = held_out_gains(search, (), one.columns)
     asked = gains[np.isfinite(gains)]
     return NearbySignature(
         signature=one.said,

@@ -1,6 +1,6 @@
 """Which of the sets that the search found are findings, and what cannot be told from each."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -36,7 +36,7 @@ from crane_identification.diagnosis.decision.signatures import (
     start_beside,
 )
 from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.projection import NOTHING, Subset, solve
+from crane_identification.diagnosis.search.projection import NOTHING, Subset
 from crane_identification.diagnosis.search.search import Search, beside_lengths
 from crane_identification.diagnosis.search.selection import LARGEST_SET, ForwardSelection
 from crane_identification.thresholds import Thresholds
@@ -100,7 +100,7 @@ def _growing(
     """Yield the best set of one effect more than the `settled` ones, then of two more, and so on.
 
     Effects that do not pass are refused, and the best set without them is weighed, until no set
-    gains more than chance.
+    gains more than chance, or than the form of the strongest effect may leave.
     """
     known, passed = len(settled), settled
     while len(passed) < known + LARGEST_SET:
@@ -108,13 +108,24 @@ def _growing(
         best = best_beside(selection, size, settled)
         if best is None:
             return
+        gain = best.gain - selection.sets(size - 1)[0].gain
+        if gain < left_by_forms(passed, thresholds):
+            return
         yield (weighed := _weighed(selection.search, best, settled, threshold, thresholds))
         if not weighed.rejections:
             passed = weighed.found
-        elif best.gain - selection.sets(size - 1)[0].gain > threshold:
+        elif gain > threshold:
             selection.refuse(size, _new(selection.search, best, passed, thresholds))
         else:
             return
+
+
+def left_by_forms(passed: Sequence[Judged], thresholds: Thresholds) -> float:
+    """Gain that the strongest of these effects leaves where its form is not the machine's, at most;
+    0 if none has a form.
+    """
+    most = max((one.score for one in passed if not _scales(one)), default=0.0)
+    return thresholds.method.elsewhere_share * most
 
 
 def _new(
@@ -125,13 +136,12 @@ def _new(
     known = {one.shaped.candidate for one in passed}
     numbers = [i for i in subset.numbers if candidates[i].candidate not in known]
     alike = thresholds.method.form_correlation
-    return {
-        one.candidate
-        for number in numbers or subset.numbers
-        for i, one in enumerate(candidates)
-        if one.candidate not in known
-        and (one.candidate == candidates[number].candidate or likeness(search, i, number) > alike)
-    }
+    effect, refused = search.projection.effect, set[Candidate]()
+    for number in numbers or subset.numbers:
+        same = effect == effect[number]
+        same |= likeness(search, number, range(len(candidates))) > alike
+        refused |= {candidates[i].candidate for i in np.flatnonzero(same)}
+    return refused - known
 
 
 def _weighed(
@@ -192,10 +202,8 @@ def _beside_lengths(
     which they are, is nothing to a further effect.
     """
     search = selection.search = beside_lengths(selection.search)
-    numbers = tuple(search.number(one.shaped) for one in passed if _scales(one))
-    scales = max(
-        best_pair(search), solve(search.projection, numbers) or NOTHING, key=lambda one: one.gain
-    )
+    named = search.together(one.shaped for one in passed if _scales(one))
+    scales = max(best_pair(search), named, key=lambda one: one.gain)
     scales = smallest(search, scales, threshold)
     selection.go_on_from(scales)
     settled = tuple(all_judged(selection.search, scales, thresholds))
@@ -203,8 +211,7 @@ def _beside_lengths(
     if len(found) == len(settled):
         selection.go_on_from(NOTHING)
         other = _largest(_growing(selection, (), threshold, thresholds), ())
-        numbers = tuple(selection.search.number(one.shaped) for one in other)
-        together = (solve(selection.search.projection, numbers) if numbers else None) or NOTHING
+        together = selection.search.together(one.shaped for one in other)
         found = other if together.gain - scales.gain > threshold else found
     return _sure(selection, found, thresholds) or passed
 
@@ -221,8 +228,7 @@ def _sure(
     left = [one for one in found if not any(one is other for other in out)]
     if len(left) == len(found) or not left:
         return tuple(left)
-    numbers = tuple(selection.search.number(one.shaped) for one in left)
-    selection.go_on_from(solve(selection.search.projection, numbers) or NOTHING)
+    selection.go_on_from(selection.search.together(one.shaped for one in left))
     return tuple(all_judged(selection.search, selection.search.sets[-1][0], thresholds))
 
 
@@ -255,8 +261,7 @@ def _together(
         left = [one for one in found if not objection(one, thresholds)]
         if len(left) == len(found):
             return tuple(found)
-        numbers = tuple(search.number(one.shaped) for one in left)
-        subset = (solve(search.projection, numbers) or NOTHING) if numbers else NOTHING
+        subset = search.together(one.shaped for one in left)
     selection.go_on_from(NOTHING)
     return ()
 

@@ -11,6 +11,7 @@ from crane_identification.diagnosis.fit.evidence import Evidence, beside, leadin
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import (
     NOTHING,
+    BesideSet,
     Projection,
     Subset,
     Whitener,
@@ -36,15 +37,12 @@ def null_gains(
     Parametric bootstrap: the noise of whitened rows is white, so that the inner products with the
     columns are jointly normal with their Gram matrix as covariance, and need no rows at all.
     """
-    columns_of = projection.columns_of
-    inside = [int(c) for i in numbers for c in columns_of[i]]
+    inside = np.array([c for i in numbers for c in projection.columns_of[i]], dtype=int)
+    beside_set = BesideSet(projection, inside)
     rng = np.random.default_rng(SEED)
     score = projection.root @ rng.standard_normal((len(projection.gram), replicates))
-    gram = projection.gram
-    if inside:
-        mixed = np.linalg.solve(gram[np.ix_(inside, inside)], gram[inside])
-        score, gram = score - mixed.T @ score[inside], gram - gram[:, inside] @ mixed
-    size = np.diag(gram)
+    score = beside_set.of(score)
+    size = beside_set.blocks(np.arange(len(score))[:, np.newaxis])[:, 0, 0]
     seen = size > 1e-6
     allowed = seen[:, None] & (~projection.positive[:, None] | (score > 0.0))
     gains = np.where(allowed, score**2 / np.where(seen, size, 1.0)[:, None], 0.0)
@@ -54,7 +52,7 @@ def null_gains(
     np.add.at(totals, projection.owner, gains)
     for count, (several, columns) in projection.by_count.items():
         if count > 1:
-            blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
+            blocks = beside_set.blocks(columns)
             inverse = np.linalg.pinv(blocks, rcond=1e-9, hermitian=True)
             own = score[columns]
             free = np.einsum("mkr,mkr->mr", own, inverse @ own)
@@ -135,37 +133,30 @@ def _blocks(block: np.ndarray, count: int) -> Folds:
 
 
 def held_out_gains(
-    evidence: Evidence,
-    whitener: Whitener,
-    before: np.ndarray,
-    added: np.ndarray,
-    asked: Folds | None = None,
+    search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     """2 dlogL of each fold that is `asked`, of all if none is given, that the columns `added`
-    (n, j, k) gain beside `before`.
+    (n, c, k) gain beside the model and the `rest` (n, c, k each); with the names of the folds.
 
     NaN for a fold without which the others do not tell the columns from those before.
     """
+    evidence, whitener = search.evidence, search.whitener
     fold, names = asked or folds(evidence)
     label = fold[whitener.row]
+    before = np.concatenate([evidence.free, *rest], axis=2)
     old, new, force = whitener(before), whitener(added), whitener(evidence.left)
     known = leading(old, old.shape[1])
-    return np.array([_gain(known, new, force, label == i) for i in range(len(names))]), names
+    return np.array([gain(known, new, force, label == i) for i in range(len(names))]), names
 
 
-def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
+def gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
     """What the whitened columns `added` (N, k) gain on the rows `out` (N,), fitted to the others.
 
-    NaN where the others do not determine them. Directions of `before` (N, d) that the others do not
-    determine, as a nuisance of one recording, are taken out of both sides, with and without the
-    columns: nothing predicts them. So are columns that are in those rows alone, as a load which no
-    other recording carries: the rest is predicted better where the others have theirs.
+    NaN where the others do not determine them. Directions of the orthonormal columns `known` (N, d)
+    that the others do not determine, as a nuisance of one recording, are taken out of both sides:
+    nothing predicts them. So are columns that are in those rows alone, as a load which no other
+    recording carries: the rest is predicted better where the others have theirs.
     """
-    return _gain(leading(before, before.shape[1]), added, force, out)
-
-
-def _gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
-    """The same beside the orthonormal columns `known` (N, d)."""
     alone = ~added[~out].any(axis=0) & added[out].any(axis=0)
     private, added = added[:, alone], added[:, ~alone]
     rest = beside(known, added)
@@ -244,37 +235,51 @@ def same_effect(one: Candidate, other: Candidate) -> bool:
     return one.joint == other.joint and other.type in one.effect.kin
 
 
-def likeness(search: Search, one: int, other: int) -> float:
-    """Cosine of the angle by which what one candidate explains lies outside the other, beside the
-    base: of the one with fewer columns the worst of them, as far as the signs of parameters let the
-    other one follow it.
+def likeness(search: Search, one: int, others: Sequence[int]) -> np.ndarray:
+    """Cosines (m,) of the angles by which what one candidate explains lies outside each of m other
+    candidates, beside the base: of the one with fewer columns the worst of them, as far as the
+    signs of parameters let the other one follow it.
     """
-    projection = search.projection
-    a, b = projection.columns_of[one], projection.columns_of[other]
-    gram, free = projection.gram, ~projection.positive
-    if len(a) > 1 and len(b) > 1 and free[a].all() and free[b].all():
-        roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
-        mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)
-        return float(np.linalg.svd(mixed, compute_uv=False).min())
-    pairs = [(few, many) for few, many in ((a, b), (b, a)) if len(few) <= len(many)]
-    return min(
-        max(_followed(projection, sign, column, many) for sign in _signs(free[column]))
-        for few, many in pairs
-        for column in few
-    )
+    projection, out = search.projection, np.full(len(others), np.inf)
+    own, gram, free = projection.columns_of[one], projection.gram, ~projection.positive
+    counts = np.array([len(projection.columns_of[other]) for other in others], dtype=int)
+    for count in np.unique(counts):
+        places = np.flatnonzero(counts == count)
+        columns = np.stack([projection.columns_of[others[place]] for place in places.tolist()])
+        bound = np.ones(len(places), dtype=bool)
+        if len(own) > 1 and count > 1 and free[own].all():
+            bound = ~free[columns].all(axis=1)
+            out[places[~bound]] = [_least_canonical(gram, own, each) for each in columns[~bound]]
+        places, columns = places[bound], columns[bound]
+        all_own = np.broadcast_to(own, (len(places), len(own)))
+        pairs = [(few, many) for few, many in ((all_own, columns), (columns, all_own))
+                 if few.shape[1] <= many.shape[1]]  # fmt: skip
+        for few, many in pairs:
+            for column in few.T:
+                backwards = np.where(free[column], _followed(projection, -1.0, column, many), 0.0)
+                cosine = np.maximum(_followed(projection, 1.0, column, many), backwards)
+                out[places] = np.minimum(out[places], cosine)
+    return out
 
 
-def _signs(free: bool) -> tuple[float, ...]:
-    """Signs that a parameter may have."""
-    return (1.0, -1.0) if free else (1.0,)
+def _least_canonical(gram: np.ndarray, one: np.ndarray, other: np.ndarray) -> float:
+    """Least canonical correlation of two sets of columns."""
+    roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (one, other)]
+    mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(other, one)]).T)
+    return float(np.linalg.svd(mixed, compute_uv=False).min())
 
 
-def _followed(projection: Projection, sign: float, column: int, others: np.ndarray) -> float:
-    """Cosine between a column of that sign and the nearest force that others can have."""
-    inner = sign * projection.gram[others, column]
-    block = projection.gram[np.ix_(others, others)]
-    values = constrained(block, inner, projection.positive[others])
-    return 0.0 if values is None else float(np.sqrt(max(values @ inner, 0.0)))
+def _followed(
+    projection: Projection, sign: float, column: np.ndarray, others: np.ndarray
+) -> np.ndarray:
+    """Cosines (m,) between columns (m,) of that sign and the nearest forces that others (m, k) can
+    have.
+    """
+    inner = sign * projection.gram[others, column[:, np.newaxis]]
+    blocks = projection.gram[others[:, :, np.newaxis], others[:, np.newaxis]]
+    values, apart = constrained(blocks, inner, projection.positive[others])
+    power = np.einsum("mk,mk->m", values, inner)
+    return np.where(apart, np.sqrt(np.maximum(power, 0.0)), 0.0)
 
 
 def simplest(
@@ -294,7 +299,7 @@ def simplest(
             if subset.gain - swapped.gain > needed:
                 break
             simpler = freedom(search, other) < freedom(search, own)
-            if simpler and likeness(search, own, other) > method.form_correlation:
+            if simpler and likeness(search, own, [other])[0] > method.form_correlation:
                 order = (*subset.numbers[:place], other, *subset.numbers[place + 1 :])
                 subset = solve(search.projection, order) or subset
                 break
@@ -317,7 +322,6 @@ class Reason(Enum):
     RIVALS = "rivals"  # effects that look different are as good
     SIGNATURE = "signature"  # another signature explains more than any curve of the effect
     CLOSED = "closed"  # [share of the held-out gap that it closes; share that is asked for]
-    RESEMBLANCE = "resemblance"  # [share that it explains of what can be explained; least share]
     WIDENED = "widened"  # the held-out error does not fall where the effect acts
 
 
@@ -438,10 +442,12 @@ def _judged(
     number = subset.numbers[place]
     own = projection.candidates[number]
     rest = without(search, subset, place)
+    replaced = in_place_of(search, subset, place)
+    cosines = likeness(search, number, [swapped.numbers[-1] for swapped in replaced]).tolist()
     swaps = [
         (swapped, alike)
-        for swapped in in_place_of(search, subset, place)
-        if (alike := likeness(search, number, swapped.numbers[-1])) > method.rival_correlation
+        for swapped, alike in zip(replaced, cosines, strict=True)
+        if alike > method.rival_correlation
         or same_effect(own.candidate, projection.candidates[swapped.numbers[-1]].candidate)
     ]
     left = unexplained_beside(search, subset, place)
@@ -462,13 +468,11 @@ def _judged(
             continue  # the same with more freedom, which it does not need
         rivals.append(Rival(other.candidate, lead, needed_of_same if related else needed))
     indistinct = [one.candidate for one in rivals if one.lead <= one.needed]
-    evidence = search.evidence
     columns = [projection.candidates[i].columns for i in rest.numbers]
-    before = np.concatenate([evidence.free, *columns], axis=2)
     found = found_values(search, subset, place)
     asked = folds_asked(search, own, found)
     acting = own.columns[:, :, found != 0.0]
-    held_out, names = held_out_gains(evidence, search.whitener, before, acting, asked)
+    held_out, names = held_out_gains(search, columns, acting, asked)
     runner_up = projection.candidates[swaps[0][0].numbers[-1]].candidate if swaps else None
     closest = runner_up is not None and same_effect(own.candidate, runner_up)
     return Judged(

@@ -1,7 +1,6 @@
 """Forces that resemble an effect of the catalogue and are not one."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,15 +16,17 @@ from crane_identification.diagnosis.decision.judgement import (
 from crane_identification.diagnosis.decision.several import factors
 from crane_identification.diagnosis.decision.signatures import chance_of, falls
 from crane_identification.diagnosis.search.candidates import ShapedCandidate
-from crane_identification.diagnosis.search.projection import NOTHING, Subset, solve
+from crane_identification.diagnosis.search.projection import Subset
 from crane_identification.diagnosis.search.search import (
     ForceSignature,
     Search,
     beside_lengths,
     channels,
     explained,
+    gained,
     strength_on,
     unexplained,
+    unexplained_on_joints,
 )
 from crane_identification.thresholds import Thresholds
 
@@ -68,11 +69,9 @@ def stands_apart(
         return False
     known = [one.columns for one in (*rest, *drawn)]
     least = max(chance, thresholds.method.simple_share * gains[place])
-    if explained(search, *known, own.columns) - explained(search, *known) <= least:
+    if gained(search, known, own.columns) <= least:
         return False
-    before = np.concatenate([search.evidence.free, *known], axis=2)
-    held_out, _ = held_out_gains(search.evidence, search.whitener, before, own.columns)
-    return helps(held_out, thresholds)
+    return helps(held_out_gains(search, known, own.columns)[0], thresholds)
 
 
 def _is_the_machines(
@@ -89,24 +88,13 @@ def _is_the_machines(
         return True
     columns = [one.columns for one in found]
     limit = chance_of(shape.columns, thresholds)
-    if explained(search, *columns, shape.columns) - explained(search, *columns) > limit:
+    if gained(search, columns, shape.columns) > limit:
         return False
-    before = np.concatenate([search.evidence.free, *columns], axis=2)
-    gains, _ = held_out_gains(search.evidence, search.whitener, before, shape.columns)
+    gains, _ = held_out_gains(search, columns, shape.columns)
     return bool(np.nansum(gains) <= limit)
 
 
 # Whether a further effect is but the form of another one, which its law leaves over.
-
-
-def faint(
-    gains: Sequence[float], share: float, asked: Collection[int], formless: Collection[int] = ()
-) -> bool:
-    """Whether one of the effects `asked` gains less than that share of what the strongest does of
-    those that are not `formless`.
-    """
-    most = max((gain for place, gain in enumerate(gains) if place not in formless), default=0.0)
-    return any(gains[place] < share * most for place in asked)
 
 
 def slight(
@@ -129,41 +117,6 @@ def slight(
     )
 
 
-def mends(
-    search: Search,
-    numbers: Sequence[int],
-    gains: Sequence[float],
-    share: float,
-    asked: Collection[int],
-) -> bool:
-    """Whether one of several laws that resist the motion, of those `asked`, gains less than that
-    share of what another of these does on its joint: so much is left by the form of that one.
-    """
-    candidates = search.projection.candidates
-    resisting: dict[str, list[tuple[int, float]]] = {}
-    for place, (number, gain) in enumerate(zip(numbers, gains, strict=True)):
-        joint = candidates[number].candidate.joint
-        if joint is not None and reverses(search, candidates[number]):
-            resisting.setdefault(joint, []).append((place, gain))
-    return any(
-        place in asked and gain < share * max(other for _, other in one)
-        for one in resisting.values()
-        for place, gain in one
-    )
-
-
-def reverses(search: Search, shaped: ShapedCandidate) -> bool:
-    """Whether the force of a candidate changes its sign with the velocity, and nothing else."""
-    setting = search.evidence.model.setting
-    for run in search.evidence.runs:
-        record = replace(run.record, direction_known=None)
-        there = shaped.term.columns(record, setting)
-        back = shaped.term.columns(replace(record, velocity=-record.velocity), setting)
-        if there.any():
-            return bool(np.allclose(back, -there))
-    return False
-
-
 def of_one_form(
     search: Search, subset: Subset, chance: float, thresholds: Thresholds, settled: int = 0
 ) -> bool:
@@ -174,26 +127,15 @@ def of_one_form(
     """
     if all(search.projection.candidates[number].candidate.changes for number in subset.numbers):
         return False
-    gains, method = marginal(search, subset), thresholds.method
+    gains = marginal(search, subset)
     effects = [search.projection.candidates[number].candidate.effect for number in subset.numbers]
     formless = {place for place, effect in enumerate(effects) if effect.formless}
-    places = range(settled, len(gains))
-    if faint(gains, method.elsewhere_share, places, formless):
-        return True
-    further = [place for place in places if not fills(search, subset, place, chance, thresholds)]
     where = [channels(search, number) for number in subset.numbers]
-
-    def of_another(asked: Collection[int]) -> bool:
-        return slight(where, gains, method.further_share, asked, formless) or mends(
-            search, subset.numbers, gains, method.form_share, asked
-        )
-
-    return of_another(further) and of_another(
-        [
-            place
-            for place in further
-            if not stands_apart(search, subset, gains, place, chance, thresholds)
-        ]
+    return any(
+        slight(where, gains, thresholds.method.further_share, (place,), formless)
+        and not fills(search, subset, place, chance, thresholds)
+        and not stands_apart(search, subset, gains, place, chance, thresholds)
+        for place in range(settled, len(gains))
     )
 
 
@@ -231,21 +173,9 @@ def is_of_lengths(
     """Whether columns (n, c, k), beside the `rest` (n, c, k each), gain less than half as much in
     the `longer` search, beside lengths that are off, and scales of the forces of all joints.
     """
-    gained = _gain(longer, [*rest, *_scales(longer)], columns)
-    return gained < thresholds.method.simple_share * _gain(search, rest, columns)
-
-
-def _gain(search: Search, rest: Sequence[np.ndarray], columns: np.ndarray) -> float:
-    """What columns explain more than the `rest` does."""
-    return explained(search, *rest, columns) - _explained(search, rest)
-
-
-def _explained(search: Search, columns: Sequence[np.ndarray]) -> float:
-    return explained(search, *columns) if columns else 0.0
-
-
-def _scales(search: Search) -> list[np.ndarray]:
-    return [search.projection.candidates[number].columns for number in factors(search)]
+    scales = [longer.projection.candidates[number].columns for number in factors(longer)]
+    share = thresholds.method.simple_share
+    return gained(longer, [*rest, *scales], columns) < share * gained(search, rest, columns)
 
 
 SENSING = "sensing"  # family of terms
@@ -267,10 +197,9 @@ def with_strange(
     """
     found, beyond = _without_falling(search, found, thresholds)
     kept = list(found)
-    numbers = tuple(search.number(one.shaped) for one in found)
-    subset = (solve(search.projection, numbers) if numbers else None) or NOTHING
+    subset = search.together(one.shaped for one in found)
     joints = search.evidence.joints
-    left = np.maximum(unexplained(search, subset), 0.0).reshape(-1, len(joints)).sum(axis=0)
+    left = unexplained_on_joints(search, subset)
     for j, joint in enumerate(joints):
         least = max(
             threshold,
@@ -310,7 +239,7 @@ def _most_of(
     the `least`, and more than chance and the errors of the processing do; None if there is none.
     """
     rest = _columns(found)
-    known = explained(search, *rest) if rest else 0.0
+    known = explained(search, *rest)
     best, most = None, least
     joint = search.evidence.joints[j]
     sensing = suspected(found, joint)
@@ -328,14 +257,12 @@ def _most_of(
                 continue
         if strength_on(search, lead, j) < thresholds.gates.smallest_strength:
             continue
-        before = np.concatenate([search.evidence.free, *rest], axis=2)
-        gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
         of_sensors = other.term.is_of_sensors()  # lengths leave such a force
         if of_sensors and is_of_lengths(
             search, beside_lengths(search), rest, other.columns, thresholds
         ):
             continue
-        if helps(gains, thresholds):
+        if helps(held_out_gains(search, rest, other.columns)[0], thresholds):
             best, most = other, lead
     return best
 

@@ -5,7 +5,7 @@ share make up for it. So an effect without a shape to bend is asked of all joint
 kept on those where it explains what it does not explain on the others.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
@@ -20,7 +20,6 @@ from crane_identification.diagnosis.decision.judgement import (
     marginal,
 )
 from crane_identification.diagnosis.fit.evidence import beside, leading
-from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.diagnosis.search.projection import (
     NOTHING,
     Projection,
@@ -31,7 +30,7 @@ from crane_identification.diagnosis.search.projection import (
 from crane_identification.diagnosis.search.search import (
     Search,
     columns_of_lengths,
-    explained,
+    gained,
 )
 from crane_identification.thresholds import Thresholds
 
@@ -148,11 +147,8 @@ def as_kinds(
             [one for one, here in zip(out, alike, strict=True) if here is which]
             for which in (True, False)
         )
-        before = np.concatenate(
-            [search.evidence.free, *(one.shaped.columns for one in rest)], axis=2
-        )
         added = np.concatenate([one.shaped.columns for one in own], axis=2)
-        gains, names = held_out_gains(search.evidence, search.whitener, before, added)
+        gains, names = held_out_gains(search, [one.shaped.columns for one in rest], added)
         numbers = members.get(kind) or [search.number(one.shaped) for one in own]
         null, threshold = chance_of_kind(search, numbers, thresholds)
         others = _other_kinds(own)
@@ -234,39 +230,6 @@ LENGTH_ERROR = 0.02  # standard deviation of lengths that were not surveyed, rel
 LINKAGE = "linkage_scale"
 
 
-class _Lengths(NamedTuple):
-    """Whitened columns (N, k) of lengths in units of their standard deviations, and what the force
-    (N,) has beside the model and some effects; the linkages among the lengths.
-    """
-
-    columns: np.ndarray
-    force: np.ndarray
-    linkages: tuple[Candidate, ...]
-
-    @property
-    def made(self) -> np.ndarray:
-        """Part (N,) of the force that the most likely lengths make."""
-        gram = self.columns.T @ self.columns + np.eye(self.columns.shape[1])
-        return np.asarray(self.columns @ np.linalg.solve(gram, self.columns.T @ self.force))
-
-
-def _lengths(search: Search, found: Sequence[Judged], without: Collection[Candidate]) -> _Lengths:
-    """Lengths beside what was `found`, but for the linkages `without`."""
-    every = [search.projection.candidates[number] for number in factors(search)]
-    free = [one for one in every if one.candidate.type == LINKAGE and one.candidate not in without]
-    none = search.evidence.base[:, :, :0]
-    known, columns = (
-        beside(search.base.basis, search.whitener(np.concatenate([none, *parts], axis=2)))
-        for parts in (
-            [one.shaped.columns for one in found],
-            [columns_of_lengths(search.evidence), *(one.columns for one in free)],
-        )
-    )
-    known = leading(known, known.shape[1])
-    columns, force = (beside(known, values) for values in (columns, search.base.residual))
-    return _Lengths(LENGTH_ERROR * columns, force, tuple(one.candidate for one in free))
-
-
 def or_lengths(search: Search, found: Sequence[Judged]) -> tuple[Judged, ...]:
     """The effects; a scale that lengths explain as well has linkages in its ambiguity group."""
     return tuple(
@@ -278,15 +241,34 @@ def or_lengths(search: Search, found: Sequence[Judged]) -> tuple[Judged, ...]:
 
 
 def _or_lengths(search: Search, scale: Judged, rest: Sequence[Judged]) -> Judged:
-    """The scale of one joint beside the `rest`: linkages of other joints may be what it is."""
+    """The scale of one joint beside the `rest`: linkages of other joints may be what it is, if the
+    most likely lengths explain about as much.
+    """
     if any(one.type == LINKAGE for one in (scale.shaped.candidate, *scale.indistinct)):
         return scale
-    lengths = _lengths(search, rest, [one.shaped.candidate for one in rest])
-    columns = [one.shaped.columns for one in (*rest, scale)]
-    gain = explained(search, *columns) - (explained(search, *columns[:-1]) if rest else 0.0)
-    if gain - float(lengths.force @ lengths.made) > scale.needed:
+    found = {one.shaped.candidate for one in rest}
+    factor = (search.projection.candidates[number] for number in factors(search))
+    linkages = [
+        one for one in factor if one.candidate.type == LINKAGE and one.candidate not in found
+    ]
+    beside_scale = [one.shaped.columns for one in rest]
+    none = search.evidence.base[:, :, :0]
+    known, columns = (
+        beside(search.base.basis, search.whitener(np.concatenate([none, *parts], axis=2)))
+        for parts in (
+            beside_scale,
+            [columns_of_lengths(search.evidence), *(one.columns for one in linkages)],
+        )
+    )
+    known = leading(known, known.shape[1])
+    columns, force = (beside(known, values) for values in (columns, search.base.residual))
+    columns = LENGTH_ERROR * columns
+    gram, score = columns.T @ columns + np.eye(columns.shape[1]), columns.T @ force
+    explained = float(score @ np.linalg.solve(gram, score))
+    if gained(search, beside_scale, scale.shaped.columns) - explained > scale.needed:
         return scale
-    return replace(scale, indistinct=(*scale.indistinct, *lengths.linkages))
+    alike = (*scale.indistinct, *(one.candidate for one in linkages))
+    return replace(scale, indistinct=alike)
 
 
 def gain_of_few(search: Search) -> float:

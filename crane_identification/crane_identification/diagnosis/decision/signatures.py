@@ -35,6 +35,7 @@ from crane_identification.diagnosis.search.search import (
     ForceSignature,
     Search,
     explained,
+    gained,
     shape_of,
     strength,
     unexplained_beside,
@@ -164,8 +165,7 @@ def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int
             elif shaped is None:
                 continue
             else:
-                more = explained(search, *rest, shaped.columns, own.columns)
-                more -= explained(search, *rest, shaped.columns)
+                more = gained(search, [*rest, shaped.columns], own.columns)
                 asked = share * gains[place]
             if more < asked:
                 return True
@@ -190,7 +190,6 @@ def rival(
     rest = [one.columns for one in _candidates(search, without(search, subset, place))]
     shaped = search.shapes.of(own.candidate)
     free = [own.columns, *([] if shaped is None else [shaped.columns])]
-    before = np.concatenate([search.evidence.free, *rest, *free], axis=2)
     known = explained(search, *rest, *free)
     least = thresholds.method.lead_share * unexplained_beside(search, subset, place)
     best, most = None, known
@@ -202,7 +201,7 @@ def rival(
         reached = explained(search, *rest, other.columns)
         if reached - known <= max(least, chance_of(other.columns, thresholds)) or reached <= most:
             continue
-        gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
+        gains, _ = held_out_gains(search, [*rest, *free], other.columns)
         if helps(gains, thresholds):
             best, most = other, reached
     return best
@@ -258,12 +257,10 @@ def as_drawn(
     They passed with the law that fits best: beside one that fits less, others are blurred.
     """
     out, search = list(passed), selection.search
-    subset = (
-        solve(search.projection, tuple(search.number(one.shaped) for one in out)) if out else None
-    )
+    subset = search.together(one.shaped for one in out)
     for place, one in enumerate(out):
         shaped = search.shapes.of(one.shaped.candidate)
-        if shaped is not None and subset is not None:
+        if shaped is not None and subset.numbers:
             rest = [other.shaped.columns for other in out if other is not one]
             laws = likelier(search, one.shaped.candidate, rest)
             named = _with_law_of(search, subset, place, laws[:1])
@@ -296,16 +293,12 @@ def _better(
     least = min(method.further_share * law.score, method.kin_lead_share * left)
     if lead <= max(least, chance_of(shaped.columns, thresholds)):
         return law
-    before = np.concatenate([search.evidence.free, *rest], axis=2)
-    beside_law = np.concatenate([before, law.shaped.columns], axis=2)
-    gains, _ = held_out_gains(search.evidence, search.whitener, beside_law, shaped.columns, asked)
+    gains, _ = held_out_gains(search, [*rest, law.shaped.columns], shaped.columns, asked)
     if np.nansum(gains) <= chance_of(shaped.columns, thresholds):
         return law
     number = selection.add(shaped)
     search = selection.search
-    held_out, names = held_out_gains(
-        search.evidence, search.whitener, before, shaped.columns, asked
-    )
+    held_out, names = held_out_gains(search, rest, shaped.columns, asked)
     score = law.score + lead
     known = law.shaped.candidate
     alike = [
@@ -405,10 +398,8 @@ def start_beside(selection: ForwardSelection, passed: Sequence[Judged]) -> bool:
     """
     if not any(is_drawn(one) for one in passed):
         return False
-    start = solve(
-        selection.search.projection, tuple(selection.search.number(one.shaped) for one in passed)
-    )
-    if start is None:
+    start = selection.search.together(one.shaped for one in passed)
+    if not start.numbers:
         return False
     selection.go_on_from(start)
     return True

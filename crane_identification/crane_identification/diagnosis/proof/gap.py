@@ -294,39 +294,50 @@ class Gap(HeldOut):
         return beyond
 
 
-def measure(
-    before: Model,
-    after: Model,
-    training: Evidence,
-    held_out: Evidence,
-    averaged: Sequence[Preparation],
-    method: Method,
-) -> Gap:
-    """Both models, fitted to the training recordings, on the held-out ones.
+class Unchanged(NamedTuple):
+    """What no effect changes: what the model before leaves in training (n, c), what a learner that
+    knows this predicts of the held-out rows (n', j), and the simulated motion there.
+    """
+
+    training: np.ndarray
+    expected: np.ndarray
+    motion: MotionValidation
+
+
+def unchanged(fit: Fitted) -> Unchanged:
+    """The part of each comparison with the model before that is the same."""
+    left, j = residual(fit.evidence, fit.before), len(fit.before.joints)
+    expected = predict_elsewhere(fit.evidence.moving, left[:, :j], fit.held_out.moving)
+    return Unchanged(left, expected, _motion(fit, fit.before))
+
+
+def _motion(fit: Fitted, model: Model) -> MotionValidation:
+    return validate_motion(model, [run.record for run in fit.held_out.runs])
+
+
+def measure(fit: Fitted, after: Model, method: Method, known: Unchanged) -> Gap:
+    """The model before and the one after on recordings that took no part.
 
     The one after with the load of each of these, which is a property of that recording.
     """
+    before, training, held_out = fit.before, fit.evidence, fit.held_out
     j = len(before.joints)
-    noise = scatter_of_periods(averaged, held_out.runs[0].factor, j)
+    noise = scatter_of_periods(fit.periods, held_out.runs[0].factor, j)
     doubt = uncertain(held_out, after) if training.keeps else 0.0
     after, loads = with_own_loads(after, training, held_out)
     old, new = residual(held_out, before), residual(held_out, after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
-    seen = training.moving
-    fitted = residual(training, before)
-    learnt[:, :j] = predict_elsewhere(seen, fitted[:, :j], held_out.moving) - old[:, :j]
+    learnt[:, :j] = known.expected - old[:, :j]
     everywhere, trained = (
         _errors(rows, (old, new, learnt), noise, method)
         for rows in (held_out, where_trained(training, held_out))
     )
-    records = [run.record for run in held_out.runs]
-    moved = validate_motion(before, records)
     return Gap(
         **vars(everywhere),
-        training_before=relative(training, fitted),
+        training_before=relative(training, known.training),
         training_after=relative(training, residual(training, after)),
-        motion_before=moved,
-        motion_after=moved if after is before else validate_motion(after, records),
+        motion_before=known.motion,
+        motion_after=known.motion if after is before else _motion(fit, after),
         loads=loads,
         carried=after,
         sample_noise=scatter_of_samples(held_out) / _size(held_out),

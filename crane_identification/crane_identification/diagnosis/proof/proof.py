@@ -34,6 +34,7 @@ from crane_identification.diagnosis.proof.gap import (
     learn,
     measure,
     pulsations,
+    unchanged,
 )
 from crane_identification.diagnosis.search.candidates import (
     NO_LOAD,
@@ -393,16 +394,13 @@ def proved(
     before = tried(fit, search, (), thresholds)
     progress("what is left", 0.5)
     short: list[Short] = []
+    known = unchanged(fit)
     while True:
         trial = tried(fit, search, wanted, thresholds) if wanted else before
-        gap = measure(
-            fit.before, trial.model, fit.evidence, fit.held_out, fit.periods, thresholds.method
-        )
+        gap = measure(fit, trial.model, thresholds.method, known)
         failing = [
             Short(one, why) for one in trial.effects if (why := objection(one, gap, thresholds))
         ]
-        if not failing and trial.effects and (why := resemblance(trial, before, thresholds)):
-            failing = [Short(trial.effects[-1], why)]
         if not failing:
             break
         short.insert(0, failing[-1])
@@ -412,18 +410,6 @@ def proved(
     progress("what is left", 1.0)
     progress("gap", 1.0)
     return Proof(before, trial, gap, tuple(short), lines, pulsations(lines, thresholds))
-
-
-def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> Rejection | None:
-    """Why effects only resemble what is missing; None if they are what is missing.
-
-    They leave most of the energy beyond noise where they act, and explain less than half of what a
-    learner explains besides: what is left is systematic, but not of their form.
-    """
-    least = thresholds.method.simple_share
-    if trial.left_share <= 1.0 - least or (share := trial.explained(before)) >= least:
-        return None
-    return Rejection(Reason.RESEMBLANCE, share, least)
 
 
 def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> Rejection | None:

@@ -211,10 +211,23 @@ class Projection:
         return tuple(np.flatnonzero(self.owner == i) for i in range(len(self.candidates)))
 
     @cached_property
+    def effect(self) -> np.ndarray:
+        """Number (candidates,) of the effect of each candidate, in the order of the first ones."""
+        known: dict[Candidate, int] = {}
+        numbers = (known.setdefault(one.candidate, len(known)) for one in self.candidates)
+        return np.array(list(numbers), dtype=int)
+
+    def best_shapes(self, gains: np.ndarray) -> list[int]:
+        """Of each effect the candidate of the largest of the `gains` (candidates,)."""
+        order = np.lexsort((-gains, self.effect))
+        first = np.unique(self.effect[order], return_index=True)[1]
+        return order[first].tolist()
+
+    @cached_property
     def by_count(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
         """The numbers (m,) and the columns (m, k) of the candidates that have k of them."""
         counts = np.array([len(columns) for columns in self.columns_of], dtype=int)
-        groups = ((k, np.flatnonzero(counts == k)) for k in np.unique(counts).tolist())
+        groups = ((k, np.flatnonzero(counts == k)) for k in np.unique(counts[counts > 0]).tolist())
         return {
             k: (numbers, np.stack([self.columns_of[i] for i in numbers])) for k, numbers in groups
         }
@@ -303,147 +316,116 @@ class Subset(NamedTuple):
 NOTHING = Subset((), 0.0, np.zeros(0))
 
 
-def larger_sets(
-    projection: Projection, beam: Sequence[Subset], refused: Collection[Candidate] = ()
-) -> list[Subset]:
-    """The sets with one candidate more than those of `beam` that gain most, best first; without
-    those that are `refused`.
+LargerSets = dict[frozenset[int], Subset]
+"""The best set of shapes for each set of effects, by the numbers of these."""
 
-    One set of shapes for each set of candidates. Sets in which a parameter has the wrong sign do
-    not count: without that candidate they are no worse. Nor do those in which one is larger than
-    its effect may be: columns that are nearly the same fit anything, if their values are opposite.
+
+def larger_sets(
+    projection: Projection,
+    beam: Sequence[Subset],
+    refused: Collection[Candidate] = (),
+    first: int = 0,
+) -> LargerSets:
+    """The sets with one candidate more than those of `beam`, without those that are `refused`, and
+    from the number `first` on.
+
+    Sets in which a parameter has the wrong sign do not count: without that candidate they are no
+    worse. Nor do those in which one is larger than its effect may be: columns that are nearly the
+    same fit anything, if their values are opposite.
     """
-    found: dict[frozenset, Subset] = {}
+    found: LargerSets = {}
     for start in beam:
-        for subset in extended(projection, start, refused):
-            key = frozenset(projection.candidates[i].candidate for i in subset.numbers)
+        for subset in extended(projection, start, refused, first):
+            key = frozenset(projection.effect[list(subset.numbers)].tolist())
             if key not in found or subset.gain > found[key].gain:
                 found[key] = subset
-    return sorted(found.values(), key=lambda subset: -subset.gain)[:BEAM]
+    return found
 
 
 def extended(
-    projection: Projection, start: Subset, refused: Collection[Candidate] = ()
+    projection: Projection, start: Subset, refused: Collection[Candidate] = (), first: int = 0
 ) -> Iterator[Subset]:
-    """`start` with each further candidate, at its best shape, where signs and sizes are right."""
-    inside = [c for i in start.numbers for c in projection.columns_of[i]]
-    gram, score = _without(projection, inside)
-    left_out = {*refused} | {projection.candidates[i].candidate for i in start.numbers}
-    gains = _single_gains(projection, gram, score)
+    """`start` with each further candidate, at its best shape, where signs and sizes are right.
+
+    The best shape is chosen by the Schur complement of its columns beside the set.
+    """
+    inside = np.array([c for i in start.numbers for c in projection.columns_of[i]], dtype=int)
+    beside = BesideSet(projection, inside)
+    gains = np.full(len(projection.candidates), -np.inf)
+    for numbers, columns in projection.by_count.values():
+        numbers, columns = numbers[numbers >= first], columns[numbers >= first]
+        score = beside.score[columns]
+        values, apart = constrained(beside.blocks(columns), score, projection.positive[columns])
+        seen = apart & values.any(axis=1)
+        gains[numbers[seen]] = np.einsum("mk,mk->m", values, score)[seen]
+    known = {*refused} | {projection.candidates[i].candidate for i in start.numbers}
     further = [
         number
-        for number in _best_of_each(projection, gains)
-        if projection.candidates[number].candidate not in left_out and gains[number] > 0.0
+        for number in projection.best_shapes(gains)
+        if gains[number] > 0.0 and projection.candidates[number].candidate not in known
     ]
-    for solved in _solved_each(projection, start.numbers, further):
+    whatever_signs: dict[int, np.ndarray] = {}
+    for numbers, columns in projection.by_count.values():
+        chosen = np.isin(numbers, further)
+        own = columns[chosen]
+        every = np.concatenate([np.broadcast_to(inside, (len(own), len(inside))), own], axis=1)
+        blocks = projection.gram[every[:, :, np.newaxis], every[:, np.newaxis]]
+        values = np.linalg.solve(blocks, projection.score[every][..., np.newaxis])[..., 0]
+        right = ~(projection.positive[every] & (values < 0.0)).any(axis=1)
+        whatever_signs.update(zip(numbers[chosen][right].tolist(), values[right], strict=True))
+    for number in further:
+        numbers_of_set = (*start.numbers, number)
+        solved = (
+            _subset(projection, numbers_of_set, whatever_signs[number])
+            if number in whatever_signs
+            else solve(projection, numbers_of_set)
+        )
         if solved is not None:
             yield solved
 
 
-def _solved_each(
-    projection: Projection, numbers: tuple[int, ...], further: Sequence[int]
-) -> list[Subset | None]:
-    """`solve` of the candidates `numbers` with each `further` one; those with as many columns all
-    at once, as far as no sign is wrong.
+class BesideSet:
+    """What is left of each column beside those of a set, `inside` (d,): its `score` (K,), and what
+    it has `mixed` (d, K) with those of the set.
     """
-    out: list[Subset | None] = [None] * len(further)
-    inside = [projection.columns_of[i] for i in numbers]
-    counts = np.array([len(projection.columns_of[i]) for i in further], dtype=int)
-    begins = np.cumsum([0, *(len(own) for own in inside)])
-    for count in np.unique(counts):
-        places = np.flatnonzero(counts == count).tolist()
-        columns = np.stack(
-            [np.concatenate([*inside, projection.columns_of[further[place]]]) for place in places]
-        )
-        free = _free(projection.gram, projection.score, columns, projection.positive[columns])
-        for i, values, wrong in zip(*free, strict=True):
-            each = (*numbers, further[places[i]])
-            if wrong:
-                out[places[i]] = solve(projection, each)
-            elif np.logical_or.reduceat(values != 0.0, begins).all() and _possible(
-                projection, columns[i], values
-            ):
-                gain = float(values @ projection.score[columns[i]])
-                out[places[i]] = Subset(each, gain, values)
-    return out
+
+    def __init__(self, projection: Projection, inside: np.ndarray) -> None:
+        self._gram, self._inside = projection.gram, inside
+        block = projection.gram[np.ix_(inside, inside)]
+        self.mixed = np.linalg.solve(block, projection.gram[inside])
+        self.score = self.of(projection.score)
+
+    def of(self, score: np.ndarray) -> np.ndarray:
+        """Inner products (K, ...) of the columns with a force, as they are beside the set."""
+        return np.asarray(score - self.mixed.T @ score[self._inside])
+
+    def blocks(self, columns: np.ndarray) -> np.ndarray:
+        """Gram matrices (m, k, k) of m candidates of so many columns (m, k)."""
+        own = self._gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
+        across = self._gram[self._inside[:, np.newaxis, np.newaxis], columns]
+        return np.asarray(own - np.einsum("dmk,dml->mkl", across, self.mixed[:, columns]))
 
 
-def _best_of_each(projection: Projection, gains: np.ndarray) -> list[int]:
-    """The best shape of each candidate."""
-    best: dict[object, int] = {}
-    for number, shaped in enumerate(projection.candidates):
-        known = best.get(shaped.candidate)
-        if known is None or gains[number] > gains[known]:
-            best[shaped.candidate] = number
-    return list(best.values())
-
-
-def _single_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -> np.ndarray:
-    """Gain (candidates,) of each candidate by itself, -inf where signs are wrong."""
-    diagonal = np.diag(gram)
-    good = diagonal > SINGULAR_SHARE**2
-    right = good & (~projection.positive | (score > 0.0))
-    single = np.where(right, score**2 / np.where(good, diagonal, 1.0), -np.inf)
-    gains = np.full(len(projection.candidates), -np.inf)
-    for count, (numbers, columns) in projection.by_count.items():
-        if count == 1:
-            gains[numbers] = single[columns[:, 0]]
-        elif count:
-            gains[numbers] = _gains(gram, score, columns, projection.positive[columns])
-    return gains
-
-
-def _gains(
-    gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
-) -> np.ndarray:
-    """Gain (m,) of m candidates by as many columns (m, k) each, as `_gain` of one."""
-    gains = np.full(len(columns), -np.inf)
-    for place, own, wrong in zip(*_free(gram, score, columns, positive), strict=True):
-        if wrong:
-            gains[place] = _gain(gram, score, columns[place], positive[place])
-        elif own.any():
-            gains[place] = own @ score[columns[place]]
-    return gains
-
-
-def _free(
-    gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which of m sets of as many columns (m, k) each are apart, the solutions of these whatever
-    their signs, and whether one that must be `positive` (m, k) is not.
+def constrained(
+    gram: np.ndarray, score: np.ndarray, positive: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solutions (m, k) of m systems gram (m, k, k) values = score (m, k) with the `positive` values
+    that would be negative at zero, and which (m,) have one: none where columns coincide.
     """
-    blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
-    apart = np.flatnonzero(np.linalg.eigvalsh(blocks)[:, 0] >= SINGULAR_SHARE**2)
-    values = np.linalg.solve(blocks[apart], score[columns[apart]][..., np.newaxis])[..., 0]
-    return apart, values, np.asarray((positive[apart] & (values < 0.0)).any(axis=1))
-
-
-def _gain(gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray) -> float:
-    """Gain of a candidate's columns with those of wrong sign at zero; -inf if nothing is left."""
-    block = np.ix_(columns, columns)
-    values = constrained(gram[block], score[columns], positive)
-    return -np.inf if values is None or not values.any() else float(values @ score[columns])
-
-
-def constrained(gram: np.ndarray, score: np.ndarray, positive: np.ndarray) -> np.ndarray | None:
-    """Solution of gram values = score with the `positive` values that would be negative at zero.
-
-    None where columns coincide.
-    """
-    free = np.ones(len(score), dtype=bool)
-    values = np.zeros(len(score))
-    while free.any():
-        part = gram[np.ix_(free, free)]
-        if np.linalg.eigvalsh(part)[0] < SINGULAR_SHARE**2:
-            return None
-        values[:] = 0.0
-        values[free] = np.linalg.solve(part, score[free])
-        wrong = free & positive & (values < 0.0)
-        if not wrong.any():
-            break
-        free &= ~wrong
-    values[~free] = 0.0
-    return values
+    free, apart = np.ones(score.shape, dtype=bool), np.ones(len(score), dtype=bool)
+    values, asked = np.zeros(score.shape), np.arange(len(score))
+    while len(asked):
+        held = ~free[asked]
+        part = np.where(held[:, :, np.newaxis] | held[:, np.newaxis], 0.0, gram[asked])
+        part[:, range(score.shape[1]), range(score.shape[1])] += held
+        apart[asked] = np.linalg.eigvalsh(part)[:, 0] >= SINGULAR_SHARE**2
+        part, held, asked = part[apart[asked]], held[apart[asked]], asked[apart[asked]]
+        wanted = np.where(held, 0.0, score[asked])
+        values[asked] = np.linalg.solve(part, wanted[..., np.newaxis])[..., 0]
+        wrong = positive[asked] & (values[asked] < 0.0)
+        free[asked] &= ~wrong
+        asked = asked[wrong.any(axis=1)]
+    return np.where(free, values, 0.0), apart
 
 
 def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
@@ -454,25 +436,15 @@ def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
     """
     columns = np.concatenate([projection.columns_of[i] for i in numbers])
     gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
-    values = constrained(gram, score, projection.positive[columns])
-    if values is None or not _possible(projection, columns, values):
+    (values,), (apart,) = constrained(gram[None], score[None], projection.positive[None, columns])
+    return _subset(projection, numbers, values) if apart else None
+
+
+def _subset(projection: Projection, numbers: tuple[int, ...], values: np.ndarray) -> Subset | None:
+    """The set with these coefficients, if each effect has one and none is larger than may be."""
+    columns = np.concatenate([projection.columns_of[i] for i in numbers])
+    begins = np.cumsum([0, *(len(projection.columns_of[i]) for i in numbers[:-1])])
+    possible = (np.abs(values) <= projection.largest[columns]).all()
+    if not possible or not np.logical_or.reduceat(values != 0.0, begins).all():
         return None
-    for number in numbers:
-        if not values[projection.owner[columns] == number].any():
-            return None
-    return Subset(numbers, float(values @ score), values)
-
-
-def _possible(projection: Projection, columns: np.ndarray, values: np.ndarray) -> bool:
-    """Whether no coefficient is larger than the effect of its column may be."""
-    return bool((np.abs(values) <= projection.largest[columns]).all())
-
-
-def _without(projection: Projection, inside: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Gram matrix and score beside the columns `inside` (sweep)."""
-    gram, score = projection.gram, projection.score
-    if not inside:
-        return gram, score
-    block = gram[np.ix_(inside, inside)]
-    mixed = np.linalg.solve(block, gram[inside])
-    return gram - gram[:, inside] @ mixed, score - mixed.T @ score[inside]
+    return Subset(numbers, float(values @ projection.score[columns]), values)

@@ -1,6 +1,6 @@
 """The search for missing effects in one body of evidence: what can be seen of each, by itself."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -173,6 +173,11 @@ class Search:
         """Which of the candidates of the projection it is."""
         return next(i for i, one in enumerate(self.projection.candidates) if one is shaped)
 
+    def together(self, wanted: Iterable[ShapedCandidate]) -> Subset:
+        """The set of these candidates of the projection; `NOTHING` if they have no solution."""
+        numbers = tuple(map(self.number, wanted))
+        return (solve(self.projection, numbers) if numbers else None) or NOTHING
+
 
 def search(evidence: Evidence, wanted: list[Candidate], progress: Progress = silent) -> Search:
     """The `wanted` candidates beside the model, at the shapes of their grids."""
@@ -204,11 +209,18 @@ def channels(search: Search, number: int) -> np.ndarray:
 
 def explained(search: Search, *columns: np.ndarray) -> float:
     """2 dlogL that columns (n, c, k), whatever their signs, gain together beside the base."""
+    if not columns:
+        return 0.0
     white = search.whitener(np.concatenate(columns, axis=2))
     rest = beside(search.base.basis, white)
     seen = np.linalg.norm(rest, axis=0) > VISIBLE_SHARE * np.linalg.norm(white, axis=0)
     known = leading(rest[:, seen], int(seen.sum()))
     return float(((known.T @ search.base.residual) ** 2).sum())
+
+
+def gained(search: Search, rest: Sequence[np.ndarray], columns: np.ndarray) -> float:
+    """2 dlogL that columns (n, c, k) gain beside the `rest` (n, c, k each) and the base."""
+    return explained(search, *rest, columns) - explained(search, *rest)
 
 
 def unexplained(search: Search, subset: Subset) -> np.ndarray:
@@ -218,6 +230,12 @@ def unexplained(search: Search, subset: Subset) -> np.ndarray:
     left = projection.residual - projection.columns[:, inside] @ subset.values
     noise = 1.0 - (search.base.basis**2).sum(axis=1)
     return _by_channel(search, left**2 - noise)
+
+
+def unexplained_on_joints(search: Search, subset: Subset) -> np.ndarray:
+    """The same (j,) of each joint; what is less than noise counts as none."""
+    by_channel = np.maximum(unexplained(search, subset), 0.0)
+    return np.asarray(by_channel.reshape(-1, len(search.evidence.joints)).sum(axis=0))
 
 
 def _by_channel(search: Search, power: np.ndarray) -> np.ndarray:
@@ -236,11 +254,8 @@ def left_share(search: Search, wanted: Sequence[ShapedCandidate]) -> float:
 
     Noise is an estimate, so that what is left may be a little less than nothing.
     """
-    numbers = tuple(search.number(one) for one in wanted)
-    subset = solve(search.projection, numbers) if numbers else None
-    if subset is None:
-        return 0.0
-    own = sorted({int(channel) for number in numbers for channel in channels(search, number)})
+    subset = search.together(wanted)
+    own = sorted({int(c) for number in subset.numbers for c in channels(search, number)})
     before, after = (unexplained(search, one)[own].sum() for one in (NOTHING, subset))
     return float(after / before) if before > 0.0 else 0.0
 

@@ -18,7 +18,10 @@ from crane_identification.diagnosis.search.candidates import (
     one_each,
 )
 from crane_identification.diagnosis.search.projection import (
+    BEAM,
     NOTHING,
+    Base,
+    LargerSets,
     Projection,
     Subset,
     constrained,
@@ -44,22 +47,38 @@ class ForwardSelection:
 
     search: Search
     progress: Progress = silent
-    _known: dict[Hashable, ShapedCandidate] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[Hashable, tuple[Base, Projection]] = field(
+        default_factory=dict, init=False, repr=False
+    )
     _refused: set[Candidate] = field(default_factory=set, init=False, repr=False)
+    _larger: LargerSets = field(default_factory=dict, init=False, repr=False)
+    _size: int = field(default=0, init=False, repr=False)  # of the sets in `_larger`
+    _asked: int = field(default=0, init=False, repr=False)  # candidates that they may hold
 
     def sets(self, size: int) -> tuple[Subset, ...]:
         """The best sets of so many effects, best first; their shapes are refined."""
         while len(self.search.sets) <= size:
-            before = self.search.sets[-1]
-            known = before[0].gain
-            rough = larger_sets(self.search.projection, before, self._refused)[:REFINED_SETS]
+            known = self.search.sets[-1][0].gain
+            rough = self._larger_sets()[:REFINED_SETS]
             for subset in rough:
                 if subset.gain - known > CLOSE_SHARE * (rough[0].gain - known):
                     self.refine(subset)
-            larger = tuple(larger_sets(self.search.projection, before, self._refused))
+            larger = tuple(self._larger_sets()[:BEAM])
             self.search = replace(self.search, sets=(*self.search.sets, larger))
             self.progress("search", (len(self.search.sets) - 1) / (LARGEST_SET + 1))
         return self.search.sets[size]
+
+    def _larger_sets(self) -> list[Subset]:
+        """The sets of one effect more, best first; only candidates that are new are asked."""
+        search, size = self.search, len(self.search.sets)
+        if self._size != size:
+            self._size, self._asked, self._larger = size, 0, {}
+        more = larger_sets(search.projection, search.sets[-1], self._refused, self._asked)
+        self._asked = len(search.projection.candidates)
+        for effects, subset in more.items():
+            if effects not in self._larger or subset.gain > self._larger[effects].gain:
+                self._larger[effects] = subset
+        return sorted(self._larger.values(), key=lambda subset: -subset.gain)
 
     def go_on_from(self, start: Subset) -> None:
         """Sets grow from this one alone from now on; smaller ones are what it begins with."""
@@ -67,21 +86,20 @@ class ForwardSelection:
         known = [solve(self.search.projection, part) or NOTHING for part in parts]
         sets = [NOTHING, *known, start] if start.numbers else [NOTHING]
         self._refused.clear()
+        self._size = 0
         self.search = replace(self.search, sets=tuple((one,) for one in sets))
 
     def refuse(self, size: int, candidates: Collection[Candidate]) -> None:
         """Seek sets of `size` effects anew, without these candidates."""
         self._refused |= set(candidates)
         known = self.search.projection.candidates
-        kept = [
-            tuple(
-                one
-                for one in sets
-                if not self._refused & {known[number].candidate for number in one.numbers}
-            )
-            for sets in self.search.sets[:size]
-        ]
+
+        def allowed(subset: Subset) -> bool:
+            return not self._refused & {known[number].candidate for number in subset.numbers}
+
+        kept = [tuple(filter(allowed, sets)) for sets in self.search.sets[:size]]
         self.search = replace(self.search, sets=tuple(filter(None, kept)))
+        self._larger = {key: one for key, one in self._larger.items() if allowed(one)}
 
     def best(self, size: int) -> Subset | None:
         """The best set of so many effects; None if there is none."""
@@ -99,9 +117,12 @@ class ForwardSelection:
     def _alone(self, candidate: Candidate, shape: dict[str, Any]) -> Projection:
         """The projection of a single candidate; other sets ask for the same shapes again."""
         key, search = (candidate, tuple(sorted(shape.items()))), self.search
-        if key not in self._known:
-            self._known[key] = at_shape(search.evidence, candidate, shape)
-        return project(search.whitener, search.base, [self._known[key]])
+        base, one = self._known.get(key, (None, None))
+        if one is None or base is not search.base:
+            shaped = one.candidates[0] if one else at_shape(search.evidence, candidate, shape)
+            one = project(search.whitener, search.base, [shaped])
+            self._known[key] = search.base, one
+        return one
 
     def _joined(self, one: Projection) -> int:
         """The number of the single candidate of `one`, now that the search has it."""
@@ -202,7 +223,7 @@ def gain_beside(projection: Projection, numbers: Sequence[int], one: Projection)
     columns = np.concatenate([projection.columns[:, inside], one.columns], axis=1)
     positive = np.concatenate([projection.positive[inside], one.positive])
     score = columns.T @ projection.residual
-    values = constrained(columns.T @ columns, score, positive)
-    if values is None or not values[len(inside) :].any():
+    (values,), apart = constrained((columns.T @ columns)[None], score[None], positive[None])
+    if not apart[0] or not values[len(inside) :].any():
         return -np.inf
     return float(values @ score)

@@ -14,6 +14,7 @@ from crane_identification.diagnosis.decision.judgement import (
     held_out_gains,
     helps,
 )
+from crane_identification.diagnosis.fit.evidence import leading
 from crane_identification.thresholds import load_thresholds
 
 FOLDS, ROWS = 6, 200
@@ -24,8 +25,12 @@ def normal(seed: int, columns: int) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((FOLDS * ROWS, columns))
 
 
+def beside(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
+    return gain(leading(before, before.shape[1]), added, force, out)
+
+
 def gains(before: np.ndarray, added: np.ndarray, force: np.ndarray) -> np.ndarray:
-    return np.array([gain(before, added, force, number == FOLD) for number in range(FOLDS)])
+    return np.array([beside(before, added, force, number == FOLD) for number in range(FOLDS)])
 
 
 def test_gains_are_those_of_least_squares_on_the_other_folds() -> None:
@@ -36,7 +41,7 @@ def test_gains_are_those_of_least_squares_on_the_other_folds() -> None:
     for columns in (before, np.hstack([before, added])):
         values = np.linalg.lstsq(columns[~out], force[~out])[0]
         costs.append(((force[out] - columns[out] @ values) ** 2).sum())
-    assert gain(before, added, force, out) == pytest.approx(costs[0] - costs[1])
+    assert beside(before, added, force, out) == pytest.approx(costs[0] - costs[1])
 
 
 @pytest.mark.parametrize("leak", [0.0, 1e-9, 1e-6, 1e-3])
@@ -122,7 +127,7 @@ def test_a_fold_is_asked_where_the_others_hold_a_fifth_of_the_column(
     column = normal(20, 1)[:, 0]
     inside = share / np.sqrt(1.0 - share**2) * np.linalg.norm(column[out])
     column = np.where(out, column, column * inside / np.linalg.norm(column[~out]))
-    found = gain(normal(21, 2), column[:, np.newaxis], column + normal(22, 1)[:, 0], out)
+    found = beside(normal(21, 2), column[:, np.newaxis], column + normal(22, 1)[:, 0], out)
     assert bool(np.isfinite(found)) is asked
 
 
@@ -131,8 +136,6 @@ def test_gains_of_folds_are_of_whitened_rows() -> None:
     column = np.random.default_rng(23).standard_normal(made.ROWS)
     found = made.searched({"offset": 1e-3 * column}, 2.0 * column)
     shaped = found.projection.candidates[0]
-    gains, said = held_out_gains(
-        found.evidence, found.whitener, found.evidence.free, shaped.columns
-    )
+    gains, said = held_out_gains(found, (), shaped.columns)
     assert len(gains) == len(said) == TIME_BLOCKS
     np.testing.assert_allclose(gains, 4.0 * made.ROWS / TIME_BLOCKS, rtol=0.5)

@@ -11,9 +11,9 @@ from laboratory_crane import with_linkage
 from unit.crane_identification.diagnosis import made as made_up
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.decision.decision import decide
+from crane_identification.diagnosis.decision.decision import decide, left_by_forms
 from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.decision.lookalikes import faint, slight
+from crane_identification.diagnosis.decision.lookalikes import slight
 from crane_identification.diagnosis.decision.several import smallest
 from crane_identification.diagnosis.fit.evidence import gather
 from crane_identification.diagnosis.proof.proof import Value, differs
@@ -115,8 +115,15 @@ def test_beside_what_has_no_form_a_further_effect_is_not_slight(
     places, method = [np.array([0]), np.array([0])], THRESHOLDS.method
     asked = {"asked": (0, 1), "formless": formless}
     assert slight(places, [1000.0, 10.0], method.further_share, **asked) is is_slight
-    assert faint([1000.0, 10.0], method.elsewhere_share, **asked) is is_slight
-    assert faint([10.0, 1000.0], method.elsewhere_share, (0, 1), (0,))  # itself it may be
+
+
+def test_a_further_effect_gains_a_fiftieth_of_the_strongest_that_has_a_form() -> None:
+    law, scale = (
+        cast(Judged, Mock(score=score, shaped=made_up.shaped(kind, made_up.normal(1)[:, None])))
+        for kind, score in (("coulomb", 1000.0), ("pressure_gain", 5000.0))
+    )
+    assert left_by_forms([law, scale], THRESHOLDS) == pytest.approx(20.0)
+    assert left_by_forms([scale], THRESHOLDS) == 0.0
 
 
 @pytest.mark.parametrize(("gain", "is_one"), [(0.0045, False), (-0.0045, False), (0.006, True)])

@@ -9,6 +9,7 @@ from crane_identification.diagnosis.diagnosis import _open_questions
 from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import Projection
+from crane_identification.diagnosis.search.search import Search
 from crane_identification.thresholds import load_thresholds
 from crane_model.result_file import QuestionKind
 from crane_model.terms import REGISTRY
@@ -45,9 +46,7 @@ def test_member_of_a_class_that_explains_it_without_the_other_effects() -> None:
     diagnosis = SimpleNamespace(
         joints=("axis",),
         verdict=Verdict.NAMED,
-        search=SimpleNamespace(
-            projection=projection, number=made.index, whitener=SimpleNamespace(noise=[None])
-        ),
+        search=Search(None, SimpleNamespace(noise=[None]), None, projection, {}, {}),  # type: ignore[arg-type]
         proof=SimpleNamespace(trial=SimpleNamespace(effects=effects)),
         fit=SimpleNamespace(
             training=SimpleNamespace(recordings=[SimpleNamespace(step=0.001)], factor=10),

@@ -11,6 +11,7 @@ from unit.crane_identification.diagnosis import made
 from crane_identification.diagnosis.decision.judgement import null_gains
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import (
+    BEAM,
     NOTHING,
     Projection,
     Subset,
@@ -27,11 +28,16 @@ SHAPELESS = (
 )
 
 
+def best_first(made: Projection, beam: list[Subset]) -> list[Subset]:
+    """The sets of one candidate more, best first."""
+    return sorted(larger_sets(made, beam).values(), key=lambda one: -one.gain)[:BEAM]
+
+
 def best_sets(made: Projection, largest: int) -> list[list[Subset]]:
     """The best sets of 1 to `largest` candidates."""
     beam, sizes = [NOTHING], []
     for _ in range(largest):
-        beam = larger_sets(made, beam)
+        beam = best_first(made, beam)
         sizes.append(beam)
     return sizes
 
@@ -109,7 +115,7 @@ def test_a_parameter_of_the_wrong_sign_does_not_count() -> None:
     rng = np.random.default_rng(3)
     column = rng.standard_normal(ROWS)
     made = projection({"stribeck": column}, -column, positive=True)
-    assert larger_sets(made, [NOTHING]) == []
+    assert not larger_sets(made, [NOTHING])
     assert solve(made, (0,)) is None
 
 
@@ -173,7 +179,7 @@ def test_sets_that_are_solved_together_are_solved_as_one_by_one(seed: int) -> No
     missing = sum(values @ rng.standard_normal(values.shape[1]) for values in columns.values())
     signed = rng.choice(list(columns), 6, replace=False).tolist()
     found = made.searched(columns, 0.1 * missing, positive=signed).projection
-    for start in (NOTHING, *larger_sets(found, larger_sets(found, [NOTHING]))[:3]):
+    for start in (NOTHING, *best_sets(found, 2)[1][:3]):
         grown = list(extended(found, start))
         assert grown
         for one in grown:

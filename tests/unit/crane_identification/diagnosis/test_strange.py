@@ -27,7 +27,7 @@ from crane_identification.diagnosis.search.search import (
     Search,
     Shapes,
     beside_lengths,
-    explained,
+    gained,
     search,
 )
 from crane_identification.diagnosis.search.selection import ForwardSelection
@@ -111,9 +111,8 @@ def test_linkages_of_another_size_alone_are_not_strange() -> None:
 
 def bends(made: Search, known: list[np.ndarray]) -> bool:
     """Whether lengths leave what bends most with pressures of the inner boom, beside the known."""
-    before = explained(made, *known) if known else 0.0
     bending = [one for one in made.shapes.unlisted_signatures("inner_boom") if "bends" in one.said]
-    leads = [explained(made, *known, one.columns) - before for one in bending]
+    leads = [gained(made, known, one.columns) for one in bending]
     lead = max(leads)
     one = bending[leads.index(lead)]
     assert lead > 100.0
