@@ -226,9 +226,7 @@ def identify(request: IdentifyRequest) -> None:
 
 
 def _known_values(path: Path, model: "Model") -> dict[str, float]:
-    """Reference values by name; `ConfigurationError` where the model has no such parameter, and the
-    hydraulics of its machine no such value.
-    """
+    """Reference values by name; `ConfigurationError` if the model has no such value."""
     from crane_model.hydraulics import JointHydraulics
 
     known = load(path, ReferenceValues).root

@@ -1,6 +1,5 @@
 """Progress of computations: one bar a phase."""
 
-from types import TracebackType
 from typing import Self
 
 from tqdm import tqdm
@@ -37,10 +36,5 @@ class ProgressBar:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

@@ -49,8 +49,7 @@ class _Lines(tqdm):  # type: ignore[type-arg]  # it takes none when it runs
             self.fp.flush()
 
     def clear(self, nolock: bool = False) -> None:
-        """What was written stays."""
+        """Keep what was written."""
 
     def close(self) -> None:
-        """Nothing is left on a line of its own."""
         self.disable = True
