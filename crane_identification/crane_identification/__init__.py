@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from crane_identification.options import Estimator as Estimator
     from crane_identification.options import Options as Options
     from crane_identification.preparation.prepare import Session as Session
-    from crane_identification.progress_bar import ProgressBar as ProgressBar
     from crane_identification.validation.force_validation import Validation as Validation
+    from crane_model.progress_bar import ProgressBar as ProgressBar
 
 __getattr__, __dir__, __all__ = lazily(__name__, __file__)

@@ -20,12 +20,11 @@ from crane_identification.data.arguments import (
 )
 from crane_identification.data.column_map import TABLES, ColumnMap
 from crane_identification.options import Estimator, Options
-from crane_identification.progress_bar import ProgressBar
 from crane_model import cli
 from crane_model.cli import one_of
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
-from crane_model.progress_bar import Progress
+from crane_model.progress_bar import Progress, ProgressBar
 
 if TYPE_CHECKING:
     from crane_identification.scale.summed import SummedFit
