@@ -40,15 +40,4 @@ if TYPE_CHECKING:
     from crane_driver.safety.commands import load_safety as load_safety
     from crane_driver.velocity_filter import VelocityFilter as VelocityFilter
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "can.binding": ("load_layout",),
-        "can.bus": ("BusSettings",),
-        "can.codec": ("DriverCodec", "MachineCodec"),
-        "can.link": ("Link",),
-        "faults": ("Fault", "FaultKind"),
-        "safety.commands": ("SafetySettings", "load_safety"),
-        "velocity_filter": ("VelocityFilter",),
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

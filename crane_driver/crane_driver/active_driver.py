@@ -1,6 +1,4 @@
-"""The driver while it is active: frames become samples, commands become frames, all in the thread
-of the executor; only the receiving of frames is not.
-"""
+"""The active driver: frames become samples, commands become frames, in the executor's thread."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -217,7 +215,7 @@ class ActiveDriver:
     async def settled(self) -> None:
         """Wait until the driver may be enabled or reset: in real time, at once."""
 
-    # what services ask; `RefusedError` where the state does not permit it
+    # Requests of services; `RefusedError` if the state does not permit one
 
     def enable(self) -> None:
         self.loop.supervisor.published_by(self._commanders())

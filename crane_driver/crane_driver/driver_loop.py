@@ -142,9 +142,7 @@ class DriverLoop:
         now: float,
         listen_only: bool = False,
     ):
-        """listen_only: nothing is ever sent. `ConfigurationError` if a joint has a valve but no
-        position.
-        """
+        """listen_only: send nothing. `ConfigurationError`: a joint has a valve but no position."""
         valves = () if listen_only else layout.valves
         check_valves(valves, layout.positions)
         self.listen_only = listen_only
@@ -262,9 +260,10 @@ class DriverLoop:
             self.supervisor.estimated(estimate, self._newest.sampled)
 
     def check(self, publishers: int, now: float, heard: float) -> None:
-        """What shows by nothing coming, and how many publishers of commands there are.
+        """Check for missing messages, with the number of publishers of commands.
 
-        `heard`: until when all that came has been received; what comes later is not missing yet.
+        `heard`: everything that came until then has been received; later messages are not missing
+        yet.
         """
         self.supervisor.can_faults(self.monitor.check(heard) + self.devices.check(heard), now)
         self.supervisor.log += [LogEntry(Level.WARNING, text) for text in self.devices.take_log()]
@@ -276,8 +275,8 @@ class DriverLoop:
         self.supervisor.ready(self.monitor.complete and self.devices.operational, now)
 
     def device_frames(self, now: float) -> list[Frame]:
-        """What starts CANopen devices: only while the state is offline, with neutral valves, so
-        that a device that has failed in operation stays as it is until the fault is reset.
+        """Frames that start CANopen devices: only while the state is offline, with neutral valves,
+        so that a device that failed in operation stays as it is until the fault is reset.
         """
         return self.devices.start(now) if self.supervisor.state is SafetyState.OFFLINE else []
 
@@ -339,9 +338,7 @@ class DriverLoop:
         return _Measured(positions, velocities)
 
     def _joint_samples(self, now: float) -> list[JointSample]:
-        """Return the joints that wait, once the pressures of their cycle have come, but at the
-        latest after half a cycle, since a controller waits for them.
-        """
+        """Return waiting joints with the pressures of their cycle, after half a cycle at most."""
         if self._waiting is None:
             return []
         positions, velocities = self._waiting

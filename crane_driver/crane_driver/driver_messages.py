@@ -58,9 +58,7 @@ def joint_state(sample: JointSample, joints: tuple[str, ...]) -> JointState:
 
 
 def valve_output(stamp: int, sent: Mapping[str, float]) -> ValveCommand:
-    """The message of valve_output: what the valves were `sent` at `stamp` [ns], by this driver or,
-    where it only listens, by others.
-    """
+    """Message of valve_output: commands `sent` to the valves at `stamp` [ns], by whomever."""
     message = _valve_output(tuple(sent))
     _stamp(message.header, stamp)
     message.command = list(sent.values())

@@ -9,8 +9,8 @@ from typing import Self
 
 
 class FaultKind(StrEnum):
-    """What can go wrong. The value names it in texts; FAULT_ and the member's name make its
-    constant in crane_interfaces/DriverState.
+    """Kind of a fault. The value names it in texts; FAULT_ and the member's name make its constant
+    in crane_interfaces/DriverState.
     """
 
     number: int  # of that constant: never changed, since bags hold it

@@ -27,21 +27,7 @@ if TYPE_CHECKING:
     from crane_identification.options import Estimator as Estimator
     from crane_identification.options import Options as Options
     from crane_identification.preparation.prepare import Session as Session
-    from crane_identification.progress_bar import ProgressBar as ProgressBar
     from crane_identification.validation.force_validation import Validation as Validation
+    from crane_model.progress_bar import ProgressBar as ProgressBar
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "data.column_map": ("ColumnMap",),
-        "data.log": ("Log", "Signal"),
-        "data.recording_log": ("read_bag", "read_recording"),
-        "estimation.regression": ("Estimate",),
-        "export": ("IdentifiedBodies", "export_mjcf", "export_urdf", "identified_bodies"),
-        "fitting": ("FitResult", "fit", "validate"),
-        "options": ("Covariance", "Estimator", "Options"),
-        "preparation.prepare": ("Session",),
-        "progress_bar": ("ProgressBar",),
-        "validation.force_validation": ("Validation",),
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

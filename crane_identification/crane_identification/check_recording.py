@@ -11,12 +11,12 @@ from threadpoolctl import threadpool_limits
 from crane_identification.data.arguments import add_part, request_of
 from crane_identification.data.column_map import TABLES, ColumnMap
 from crane_identification.options import Options
-from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.suspicion import Checked
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine_files import machine_file
+from crane_model.progress_bar import ProgressBar
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ from crane_identification.data.arguments import (
     options_of,
 )
 from crane_identification.data.column_map import TABLES, ColumnMap
-from crane_identification.progress_bar import ProgressBar
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
+from crane_model.progress_bar import ProgressBar
 
 WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
 FIXED = "what has changed since the model was made? Keeps its values"

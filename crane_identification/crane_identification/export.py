@@ -18,7 +18,7 @@ from crane_identification.estimation.prior import PriorFile, size_of, ten_of_bod
 from crane_identification.notation import plain
 from crane_model import cli
 from crane_model.base_parameters import standard_from_chain
-from crane_model.chain import PER_BODY, TEN_FROM_PSEUDO_INERTIA, pseudo_inertia
+from crane_model.chain.body_regressor import PER_BODY, TEN_FROM_PSEUDO_INERTIA, pseudo_inertia
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import Machine
@@ -243,7 +243,6 @@ def export_urdf(model: Model, prior: Path | str | None = None) -> str:
 
 
 def _sources(identified: np.ndarray, combined: np.ndarray, source: str) -> str:
-    """The source of the ten parameters of a body."""
     shares = {
         "identified alone": identified,
         "identified in combination with other values": combined,
@@ -276,7 +275,7 @@ def _friction(model: Model, joint: str) -> JointFriction:
 
 
 def _comments(model: Model, machine: Machine, source: str) -> list[str]:
-    """Where the model comes from, and what a URDF does not say."""
+    """Comments of a URDF: source of the model, and content that a URDF cannot hold."""
     lost = [
         term.type + ("" if term.only_joint is None else f" of {term.only_joint}")
         for term in model.terms

@@ -20,12 +20,11 @@ from crane_identification.data.arguments import (
 )
 from crane_identification.data.column_map import TABLES, ColumnMap
 from crane_identification.options import Estimator, Options
-from crane_identification.progress_bar import ProgressBar
 from crane_model import cli
 from crane_model.cli import one_of
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
-from crane_model.progress_bar import Progress
+from crane_model.progress_bar import Progress, ProgressBar
 
 if TYPE_CHECKING:
     from crane_identification.scale.summed import SummedFit
@@ -226,9 +225,7 @@ def identify(request: IdentifyRequest) -> None:
 
 
 def _known_values(path: Path, model: "Model") -> dict[str, float]:
-    """Reference values by name; `ConfigurationError` where the model has no such parameter, and the
-    hydraulics of its machine no such value.
-    """
+    """Reference values by name; `ConfigurationError` if the model has no such value."""
     from crane_model.hydraulics import JointHydraulics
 
     known = load(path, ReferenceValues).root

@@ -75,7 +75,7 @@ def shown(value: float, std_dev: float, minimum: float | None = None) -> Shown:
 
 
 def is_determined(value: float, std_dev: float, minimum: float | None = None) -> bool:
-    """Whether `shown` prints a number, or the bound that a value rests at."""
+    """Return whether `shown` prints a number, or the bound that a value rests at."""
     return not shown(value, std_dev, minimum).value.startswith(NOT_DETERMINED)
 
 
@@ -93,9 +93,7 @@ def plain(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """A share of one in percent with two decimals, a small one with its first digit; above 100 %
-    with none.
-    """
+    """A share of one in percent: two decimals, a small one its first digit; above 100 % none."""
     if not isfinite(share):
         return NONE
     decimals = 2 if abs(share) < 1 else 0

@@ -10,10 +10,10 @@ from pathlib import Path
 from crane_identification.data.arguments import add_part, request_of
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.options import Options
-from crane_identification.progress_bar import ProgressBar
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import DataError
+from crane_model.progress_bar import ProgressBar
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a diagnosis decides by, in a file beside the code."""
+"""Thresholds of a diagnosis, from a file beside the code."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +12,7 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class Gates(Schema):
-    """What machines from which nothing is missing must not pass; calibrated, and then frozen."""
+    """Limits that machines with a complete model must not exceed; calibrated, then locked."""
 
     score_factor: Positive
     smallest_strength: Share
@@ -24,7 +24,7 @@ class Gates(Schema):
 
 
 class Method(Schema):
-    """What else answers are compared with."""
+    """Thresholds of the methods that answers are compared with."""
 
     false_alarm_rate: Share
     further_share: Share

@@ -40,13 +40,4 @@ if TYPE_CHECKING:
     from crane_trajectory.motion.periodic import SweepTrajectory as SweepTrajectory
     from crane_trajectory.motion.periodic import load_trajectory as load_trajectory
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "excitation.limits": ("DesignSettings", "load_design_settings"),
-        "experiment": ("Experiment", "Outcome"),
-        "motion.check": ("Clearance", "load_clearance"),
-        "motion.motion": ("Motion", "plan"),
-        "motion.periodic": ("FourierTrajectory", "SweepTrajectory", "load_trajectory"),
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

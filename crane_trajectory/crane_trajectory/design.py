@@ -66,7 +66,7 @@ OF_DISCRIMINATION = {"duration": 60.0, "load": 50.0, "terms": None}
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """What is asked of `design`."""
+    """Request of `design`."""
 
     period: float | None  # s, of a Fourier trajectory
     sweeps: list[float] | None  # shares of the velocity limits
@@ -109,7 +109,6 @@ class DesignRequest:
 
     @property
     def added(self) -> Probe | None:
-        """The probe on top of the motion."""
         return None if self.probe is None else Probe(amplitude=self.probe)
 
 
@@ -285,10 +284,7 @@ def _search(
         told += _information(model, earlier, settings)
     files = _files(request.out, request.count)
     total = len(files) * steps(problem, request.starts)
-    with (
-        workers(request.starts) as pool,
-        progress_bar("design", total) as bar,
-    ):
+    with workers(request.starts) as pool, progress_bar("design", total) as bar:
         names = [file.stem for file in files]
         found = campaign(problem, names, request.seed, request.starts, pool, bar.update)
         for file, candidate in zip(files, found, strict=True):

@@ -44,7 +44,7 @@ class PeriodicError:
     """Root mean square of the tracking error over whole periods; a begun period does not count."""
 
     def __init__(self, joints: int, start: float, period: float, periods: int):
-        """Of so many joints (j); the periods begin at the time `start` [s] of the motion."""
+        """Make a log of (j,) joints; the periods begin at the time `start` [s] of the motion."""
         self._start, self._period, self._periods = start, period, periods
         self._current = 0
         self._whole, self._begun = np.zeros((2, joints))
@@ -101,7 +101,7 @@ class Outcome(IntEnum):
 
 
 class Stage(Enum):
-    """Where the experiment is; see the head of this file."""
+    """Stage of the experiment; see the head of this file."""
 
     LEADING = auto()
     BRAKING = auto()
@@ -165,7 +165,7 @@ class Experiment:
 
     @property
     def over(self) -> bool:
-        """Whether the crane is at rest and the last command was neutral."""
+        """Return whether the crane is at rest and the last command was neutral."""
         return self.stage is Stage.OVER
 
     @property
@@ -325,7 +325,7 @@ class Experiment:
         target: Target,
         largest: float,
     ) -> np.ndarray:
-        """What the controller answers, which is shown the reference ahead, too."""
+        """Command of the controller, which is shown the reference ahead, too."""
         ahead = self._clock.later(controller.preview).target(self.motion)
         began, period = self.motion.excitation_start, self.motion.trajectory.period
         leading = self.stage is Stage.LEADING and target.phase is Phase.EXCITATION
@@ -373,13 +373,13 @@ class Experiment:
 
 
 def at_rest(velocity: np.ndarray, tuning: Tuning) -> bool:
-    """Whether every joint is slower than its standstill speed; not if a velocity is not known."""
+    """Return whether every joint is slower than its standstill speed; false if one is unknown."""
     return bool((np.abs(velocity) < tuning.gains.standstill_speed).all())
 
 
 class Readiness:
-    """What is known of the crane, and what of it is in the way of an experiment. Pure: it knows no
-    ROS and reads no clock; `now` is of the steady clock [s].
+    """State of the crane, and what of it prevents an experiment. Pure: it knows no ROS and reads no
+    clock; `now` is of the steady clock [s].
     """
 
     def __init__(self) -> None:
@@ -388,7 +388,6 @@ class Readiness:
         self._resting_since: float | None = None
 
     def forget_states(self) -> None:
-        """As if no joint state had come."""
         self.position = self._resting_since = None
 
     def sample(
@@ -402,7 +401,7 @@ class Readiness:
             self._resting_since = now
 
     def lacking(self, states_timeout: float, now: float) -> str:
-        """What is in the way of an experiment and what to do; empty if nothing is."""
+        """Obstacle to an experiment, with the remedy; empty if there is none."""
         if self.position is None or now - self._heard > states_timeout:
             return "no joint states come; start the driver and see its /diagnostics"
         if self._resting_since is None or now - self._resting_since < REST_TIME_S:
@@ -410,9 +409,7 @@ class Readiness:
         return ""
 
     def moved_from(self, start: np.ndarray, tuning: Tuning, units: Mapping[str, str]) -> str:
-        """Names the joints, of `units`, that are no longer where a motion starts (j,) [SI], within
-        half their tolerance; empty if there is none.
-        """
+        """Joints off the start (j,) [SI] by more than half their tolerance; empty if none."""
         assert self.position is not None
         moved, most = np.abs(self.position - start), tuning.tolerance / 2
         return "; ".join(

@@ -41,7 +41,7 @@ DEFAULT_ACCELERATION = 0.1  # m/s2
 
 @dataclass(frozen=True)
 class Move:
-    """What the command was asked for."""
+    """Request of the command."""
 
     machine: str | None
     points: tuple[tuple[str, tuple[float, ...]], ...]  # `to` or `through`, and the point [m]

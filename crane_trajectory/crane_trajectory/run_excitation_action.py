@@ -1,6 +1,4 @@
-"""What the crane is asked to do, by the action run_excitation or by joint trajectories on a topic:
-from the request to its result.
-"""
+"""Motion requests, by action run_excitation or by topic, from request to result."""
 
 import time
 import traceback
@@ -24,11 +22,7 @@ from crane_nodes.this_computer import PATIENCE_S, give_way
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.motion import Motion
 from crane_trajectory.motion.periodic import PeriodicTrajectory
-from crane_trajectory.trajectory_topics import (
-    feedback_message,
-    points_trajectory,
-    result_message,
-)
+from crane_trajectory.trajectory_topics import feedback_message, points_trajectory, result_message
 
 ACTION = "run_excitation"
 FEEDBACK = 0.1  # s
@@ -51,7 +45,7 @@ class CanceledError(CraneError):
 
 
 def defect(error: Exception) -> str:
-    """What nobody foresaw, in words."""
+    """Message for an unforeseen error."""
     return (
         f"{type(error).__name__}: {error}. This is a defect of the program: report it, with the "
         "log of the node and the trajectory"
@@ -59,9 +53,7 @@ def defect(error: Exception) -> str:
 
 
 def bounded(message: str) -> str:
-    """A message with its middle left out where it is too long: it begins with what it is about, as
-    a path, and ends with what to do.
-    """
+    """A message whose middle is left out if it is too long; begin and end stay."""
     beyond = len(message) - LONGEST_MESSAGE
     if beyond <= 0:
         return message
@@ -74,26 +66,24 @@ class Leader(Protocol):
 
     @property
     def active(self) -> bool:
-        """Whether goals may begin at all."""
+        """Return whether goals may begin at all."""
 
     @property
     def next_watch(self) -> Future:
         """Done when the experiment has been looked at again."""
 
     def lacking(self) -> str:
-        """What is in the way of an experiment; empty if nothing is."""
+        """Obstacle to an experiment; empty if there is none."""
 
     @property
     def position(self) -> Mapping[str, float]:
-        """Where the joints are [rad, m]; empty before the first joint state."""
+        """Positions of the joints [rad, m]; empty before the first joint state."""
 
     def read(self, trajectory: str) -> PeriodicTrajectory:
-        """What a goal names, in any thread; `ConfigurationError` if it is wrong."""
+        """Read the trajectory of a goal, in any thread; `ConfigurationError` if it is wrong."""
 
     def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
-        """What plans the motion from where the crane is now, in any thread; it raises `RangeError`
-        where the crane may not go.
-        """
+        """Plan from the present pose, in any thread; `RangeError` if the crane may not go there."""
 
     def open_valves(self) -> None:
         """Be the one who commands the valves."""
@@ -106,7 +96,7 @@ class Leader(Protocol):
 
 
 class MotionRequest(Protocol):
-    """What the crane is asked to do, and who asks."""
+    """Requested motion, and its client."""
 
     periods: int
 
@@ -217,9 +207,9 @@ class Goals:
         return defect(error)
 
     async def _aside(self, request: MotionRequest, work: Callable[[], Made]) -> Made:
-        """What `work` returns, while the executor does all the rest; `CanceledError` if canceled.
+        """Return the result of `work` while the executor goes on; `CanceledError` if canceled.
 
-        The thread is left to itself then: a file may be on a disk that does not answer.
+        The thread is then left to itself: a file may be on a disk that does not answer.
         """
         result: Result[Made] = Result()
 
@@ -254,23 +244,18 @@ class Goals:
 
 
 class _ActionGoal:
-    """A goal of the action run_excitation."""
-
     def __init__(self, goal: ServerGoalHandle, leader: Leader):
         self._goal, self._leader = goal, leader
         self.periods: int = goal.request.periods
 
     def read(self) -> PeriodicTrajectory:
-        """The trajectory of the file that the goal names."""
         return self._leader.read(self._goal.request.trajectory)
 
     @property
     def canceled(self) -> str:
-        """Whether the client has canceled it."""
         return "canceled" if self._goal.is_cancel_requested else ""
 
     def feedback(self, experiment: Experiment) -> None:
-        """Publish where the experiment is."""
         self._goal.publish_feedback(feedback_message(experiment))
 
 
@@ -295,7 +280,6 @@ class JointTrajectories:
         self._name = self._topic.topic_name
 
     def close(self) -> None:
-        """Listen no more."""
         self._node.destroy_subscription(self._topic)
 
     async def _take(self, message: JointTrajectory) -> None:
@@ -319,7 +303,7 @@ class JointTrajectories:
 
     @property
     def canceled(self) -> str:
-        """Whether an empty message has come, or nobody is there any more."""
+        """Return whether an empty message has come, or there is no publisher any more."""
         if self._ended:
             return "ended by an empty trajectory"
         if not self._node.count_publishers(self._name):

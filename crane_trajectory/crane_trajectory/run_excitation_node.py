@@ -54,7 +54,7 @@ class ExcitationResult(ResultFile):
     message: str
     """The same in a sentence."""
     rms_tracking_error: NumberByJoint
-    """Of the periods that were run [rad, m]; null where none was."""
+    """RMS tracking error of the periods that were run [rad, m]; null if there was none."""
 
 
 class RunExcitationClient(Node):
@@ -152,15 +152,15 @@ class RunExcitationClient(Node):
 
 
 def name_for_node(trajectory: Path) -> str:
-    """What the trajectory node, in whatever folder it runs, knows a file by: its absolute path, or
-    the bare name of a trajectory of its machine, where there is no such file.
+    """Name of a file for the trajectory node, in whatever folder it runs: the absolute path, or the
+    bare name of a trajectory of its machine if there is no such file.
     """
     bare = trajectory.name == str(trajectory) and not trajectory.exists()
     return str(trajectory if bare else trajectory.absolute())
 
 
 class RunRequest(NamedTuple):
-    """What is asked of `run_excitation`."""
+    """Request of `run_excitation`."""
 
     trajectory: Path
     periods: int

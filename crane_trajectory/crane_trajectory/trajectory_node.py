@@ -74,10 +74,10 @@ def condition(
     led: Mapping[str, str],
     stamp: Time,
 ) -> DiagnosticArray:
-    """What /diagnostics says: state, phase and tracking error; `last` is how the last experiment
-    has ended.
+    """Status for /diagnostics: state, phase, tracking error and `last`, the end of the last
+    experiment.
 
-    `led` is what the controller is led by and has learnt, in words.
+    `led`: inputs of the controller and its learnt values, in words.
     """
     found = DiagnosticStatus(name=f"{name}: experiment", level=DiagnosticStatus.OK)
     values = {"state": lifecycle, "driver": driver, "last result": last, "phase": "rest"}
@@ -139,7 +139,6 @@ class Trajectory(LifecycleNode):
     # life cycle
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read parameters and files."""
         try:
             self._machine = read_machine_again(self, self._machine)
             self._tuning_parameters.read_file(self._machine)
@@ -182,7 +181,6 @@ class Trajectory(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget what was read."""
         self._clearance = self._tuning = None
         self._lifecycle = "unconfigured"
         return super().on_cleanup(state)
@@ -262,11 +260,10 @@ class Trajectory(LifecycleNode):
             self.get_logger().error(traceback.format_exc())
             experiment.fail(defect(error), now)
 
-    # what goals ask
+    # Requests of goals
 
     @property
     def active(self) -> bool:
-        """Whether the node is."""
         return self._lifecycle == "active"
 
     @property
@@ -275,7 +272,7 @@ class Trajectory(LifecycleNode):
         return self._next_watch
 
     def lacking(self) -> str:
-        """What is in the way of an experiment; empty if nothing is."""
+        """Obstacle to an experiment; empty if there is none."""
         if not self.active:
             return f"the node is {self._lifecycle}; activate it"
         return (
@@ -288,7 +285,7 @@ class Trajectory(LifecycleNode):
 
     @property
     def position(self) -> Mapping[str, float]:
-        """Where the joints are [rad, m]; empty before the first joint state."""
+        """Positions of the joints [rad, m]; empty before the first joint state."""
         newest = self._ready.position
         if newest is None:
             return {}
@@ -303,13 +300,12 @@ class Trajectory(LifecycleNode):
         return read_apart(file)
 
     def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
-        """What plans the motion from where the crane is now, in any thread."""
+        """Planner of the motion from the present pose, in any thread."""
         start = self._ready.position
         assert self._clearance and start is not None
         return partial(plan, self._machine, trajectory, start, periods, self._clearance)
 
     def open_valves(self) -> None:
-        """Be the one who commands the valves."""
         self._valves.open()
 
     def lead(self, motion: Motion) -> Experiment:

@@ -160,16 +160,13 @@ class TuningNumbers(NamedTuple):
 
     @property
     def single_gains(self) -> tuple[Number, ...]:
-        """Every gain of every joint."""
         return tuple(gain for fields in self.gains.values() for gain in fields.values())
 
     @property
     def all(self) -> tuple[Number, ...]:
-        """All that may be changed."""
         return (SATURATION, *self.tolerances.values(), *self.single_gains)
 
     def values_of(self, gains: Gains) -> dict[str, float]:
-        """The gains by the names of their parameters."""
         return {
             self.gains[joint][field].name: value
             for joint, fields in gains.model_dump().items()
@@ -177,7 +174,7 @@ class TuningNumbers(NamedTuple):
         }
 
     def tuning(self, values: Mapping[str, Any]) -> Tuning:
-        """What `values` by name give; `ConfigurationError` says which is wrong, and why."""
+        """Tuning from `values` by name; `ConfigurationError` names the wrong one and the reason."""
         gains = {
             joint: {field: number.check(values[number.name]) for field, number in fields.items()}
             for joint, fields in self.gains.items()
@@ -210,7 +207,7 @@ class TuningParameters:
         node.add_post_set_parameters_callback(self._take)
 
     def read(self) -> Tuning:
-        """What the parameters make now; `ConfigurationError` says which is wrong, and why."""
+        """Tuning from the present parameters; `ConfigurationError` names a wrong one."""
         return self._numbers.tuning(self._current())
 
     def read_file(self, machine: Machine) -> None:
@@ -351,7 +348,7 @@ def command_message(command: np.ndarray, stamp: Time, joints: Sequence[str]) -> 
 
 
 def feedback_message(experiment: Experiment) -> RunExcitation.Feedback:
-    """Where the experiment is."""
+    """Feedback message of the experiment."""
     phase = Phase.REST if experiment.target is None else experiment.target.phase
     if phase is Phase.REST:  # before the motion, or after it
         phase = Phase.APPROACH if experiment.elapsed == 0.0 else Phase.STOP
@@ -388,11 +385,9 @@ class Valves:
         self._publisher: Publisher | None = None
 
     def open(self) -> None:
-        """Be the one who commands the valves."""
         self._publisher = self._node.create_publisher(ValveCommand, TOPIC, self._clock.depth)
 
     def close(self) -> None:
-        """Command the valves no more."""
         if self._publisher is not None:
             self._node.destroy_publisher(self._publisher)
             self._publisher = None
@@ -416,7 +411,7 @@ class Valves:
 
     @property
     def unheard(self) -> str:
-        """Where nobody listens to the commands; empty if the driver does, or none are sent."""
+        """Warning if no node listens to commands; empty if the driver does, or none are sent."""
         if self._publisher is None or self._publisher.get_subscription_count():
             return ""
         return f"no driver listens to {self._publisher.topic_name}"
@@ -483,7 +478,7 @@ class Leading:
 
     @property
     def learnt(self) -> dict[str, str]:
-        """What an adaptive controller has learnt, in words; empty for others."""
+        """Learnt values of an adaptive controller, in words; empty for others."""
         led = led_by_model(self.controller)
         return dict(in_words(led)) if led is not None and led.adaptive else {}
 
@@ -510,7 +505,6 @@ class Leading:
             self._subscriptions.append(listen(TipLoad, "tip_load", self._weighed, NEWEST))
 
     def silence(self) -> None:
-        """Listen no more."""
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         self._subscriptions = []

@@ -52,7 +52,7 @@ TRIALS = (
 
 
 class Tried(NamedTuple):
-    """What came of N trials over the periods of a motion; j joints of the model."""
+    """Results of N trials over the periods of a motion; j joints of the model."""
 
     rms: np.ndarray  # (N, j) of the tracking error, rad, m
     ripple: (
@@ -132,7 +132,7 @@ def _beside(unknown: np.ndarray, columns: list[int], values: np.ndarray) -> np.n
 
 
 class JointMargins(NamedTuple):
-    """Of a joint: the largest trials up to which it does not swing; 0 where it always does."""
+    """Largest trials up to which a joint does not swing; 0 if it always does."""
 
     gain: float  # of the gains
     delay: float  # s
@@ -140,19 +140,19 @@ class JointMargins(NamedTuple):
 
     @property
     def suffice(self) -> bool:
-        """Whether they are as large as they ought to be."""
+        """Return whether the margins are as large as they ought to be."""
         return self.gain >= WANTED_SCALE and self.delay >= WANTED_DELAY
 
     @property
     def advised(self) -> float:
-        """Of the gains: what leaves the margins that are wanted, as far as the trials tell."""
+        """Gains that leave the wanted margins, as far as the trials show."""
         by_gain = self.gain / WANTED_SCALE if self.gain else 0.25
         by_delay = max(self.delay / WANTED_DELAY, 0.25)
         return min(1.0, by_gain, by_delay)
 
 
 def margins(tried: Tried, trials: Sequence[GainTrial] = TRIALS) -> tuple[JointMargins, ...]:
-    """Of each joint, from trials that contain those of `TRIALS`."""
+    """Margins of each joint, from trials that contain those of `TRIALS`."""
     found = []
     for column in tried.steady.T:
         of = dict(zip(trials, column.tolist(), strict=True))
@@ -177,7 +177,7 @@ class MarginError(CraneError):
 
 
 class TuneRequest(NamedTuple):
-    """What is asked of `tune`."""
+    """Request of `tune`."""
 
     model: Path
     law: str
@@ -188,9 +188,7 @@ class TuneRequest(NamedTuple):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Try a controller on the identified simulation of a crane, and print its margins; nothing
-    moves.
-    """
+    """Try a controller on the identified simulation, and print its margins; nothing moves."""
     parser = cli.command_line(prog="tune", description=main.__doc__)
     parser.add_argument(
         "--model", type=Path, required=True, help="model file with identified hydraulics"
@@ -283,7 +281,6 @@ def trial_motion(machine: Machine, trajectory: PeriodicTrajectory, clearance: Pa
 
 
 def _tell(machine: Machine, law: str, tried: Tried, found: dict[str, JointMargins]) -> None:
-    """Print a row for each joint."""
     most = f"{SCALES[-1]:g} times the gains and {1e3 * DELAYS[-1]:g} ms"
     print(f"{law} in the simulation, up to {most}:")
     print(f"{'joint':16s}{'RMS error':>14s}{'gain margin':>14s}{'delay margin':>14s}  both")

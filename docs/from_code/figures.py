@@ -72,7 +72,7 @@ def take_over(source: Path, target: Path) -> None:
 
 
 def count_imports(target: Path) -> None:
-    """How the rooms import each other now."""
+    """How the components import each other now."""
     found = list(imports.Imports.of(ROOT).rows())
     if not target.exists() or MeasuredFigures.read(target).rows != found:
         write(target, "make figures", found, imports.COLUMNS)

@@ -1,9 +1,9 @@
-"""How the rooms of the suite import each other, read from the source.
+"""Imports between the components of the suite, read from the source.
 
-A room is a folder; at the root of a package each module is a room of its own. An arrow leads from a
-room to another one that it imports, and up where a package imports one that it must not. A room
-stands one floor above the highest of its package that it imports; rooms that import each other in a
-circle share one. `python -m from_code.imports ROOT` prints the numbers of the clone at ROOT.
+A component is a folder, or a module at the root of a package. An arrow leads from a component to
+another one that it imports, and up if a package imports one that it must not. A component stands
+one floor above the highest of its package that it imports; components in a cycle share one.
+`python -m from_code.imports ROOT` prints the numbers of the clone at ROOT.
 """
 
 import ast
@@ -44,23 +44,23 @@ MAY_IMPORT: Mapping[str, frozenset[str]] = {
 COLUMNS = (
     "package",
     "modules",
-    "rooms",
+    "components",
     "arrows between them",
     "floors",
-    "rooms in circles",
+    "components in cycles",
     "arrows to other packages",
     "of these up",
 )
 
 
-def room_of(module: str) -> str:
+def component_of(module: str) -> str:
     """The folder of a module, or itself at the root of a package."""
     parts = module.split(".")
     return module if len(parts) == 2 else ".".join(parts[:-1])
 
 
 def package_of(name: str) -> str:
-    """Of a room or a module."""
+    """Package of a component or a module."""
     return name.partition(".")[0]
 
 
@@ -93,25 +93,25 @@ class Imports:
         return [one for one in MAY_IMPORT if any(package_of(m) == one for m in self.modules)]
 
     @cached_property
-    def rooms(self) -> dict[str, set[str]]:
-        """Which rooms each room imports, without itself."""
-        rooms: dict[str, set[str]] = {}
+    def components(self) -> dict[str, set[str]]:
+        """The components that each component imports, without itself."""
+        components: dict[str, set[str]] = {}
         for module, file in self.modules.items():
-            found = rooms.setdefault(room_of(module), set())
-            found |= {room_of(name) for name in _imported(file) if name in self.modules}
-        return {room: others - {room} for room, others in rooms.items()}
+            found = components.setdefault(component_of(module), set())
+            found |= {component_of(name) for name in _imported(file) if name in self.modules}
+        return {component: others - {component} for component, others in components.items()}
 
     def within(self, package: str) -> dict[str, set[str]]:
-        """The rooms of a package, and what they import of it."""
-        own = {room for room in self.rooms if package_of(room) == package}
-        return {room: self.rooms[room] & own for room in sorted(own)}
+        """The components of a package, and what they import of it."""
+        own = {component for component in self.components if package_of(component) == package}
+        return {component: self.components[component] & own for component in sorted(own)}
 
     def leaving(self, package: str) -> list[tuple[str, str]]:
-        """The arrows from rooms of a package to those of others."""
+        """The arrows from components of a package to those of others."""
         return [
-            (room, other)
-            for room in self.within(package)
-            for other in sorted(self.rooms[room])
+            (component, other)
+            for component in self.within(package)
+            for other in sorted(self.components[component])
             if package_of(other) != package
         ]
 
@@ -119,47 +119,49 @@ class Imports:
         """Numbers of each package, and of all."""
         total: dict[str, float] = {}
         for package in self.packages:
-            rooms, leaving = self.within(package), self.leaving(package)
-            circles = _circles(rooms)
+            components, leaving = self.within(package), self.leaving(package)
+            cycles = _cycles(components)
             numbers = {
                 "modules": sum(package_of(one) == package for one in self.modules),
-                "rooms": len(rooms),
-                "arrows": sum(map(len, rooms.values())),
-                "floors": 1 + max(floors(rooms).values(), default=0),
-                "circling": sum(len(one) for one in circles if len(one) > 1),
+                "components": len(components),
+                "arrows": sum(map(len, components.values())),
+                "floors": 1 + max(floors(components).values(), default=0),
+                "in_cycles": sum(len(one) for one in cycles if len(one) > 1),
                 "leaving": len(leaving),
                 "up": sum(is_up(*arrow) for arrow in leaving),
             }
             total = {name: total.get(name, 0) + n for name, n in numbers.items()}
             yield _row(f"`{package}`", {name: float(n) for name, n in numbers.items()})
-        yield _row("all", total | {"floors": 1.0 + max(floors(self.rooms).values(), default=0)})
+        yield _row(
+            "all", total | {"floors": 1.0 + max(floors(self.components).values(), default=0)}
+        )
 
 
-def is_up(room: str, other: str) -> bool:
-    """Whether an arrow leads to a package that must not be imported from here."""
-    package, imported = package_of(room), package_of(other)
+def is_up(component: str, other: str) -> bool:
+    """Return whether an arrow leads to a package that must not be imported from here."""
+    package, imported = package_of(component), package_of(other)
     return imported != package and imported not in MAY_IMPORT[package]
 
 
-def floors(rooms: Mapping[str, set[str]]) -> dict[str, int]:
-    """The floor of each room, 0 for those that import none of these."""
-    circles = _circles(rooms)
-    place = {room: number for number, circle in enumerate(circles) for room in circle}
+def floors(components: Mapping[str, set[str]]) -> dict[str, int]:
+    """The floor of each component, 0 for those that import none of these."""
+    cycles = _cycles(components)
+    place = {component: number for number, cycle in enumerate(cycles) for component in cycle}
     below = {
-        number: {place[other] for room in circle for other in rooms[room]} - {number}
-        for number, circle in enumerate(circles)
+        number: {place[other] for component in cycle for other in components[component]} - {number}
+        for number, cycle in enumerate(cycles)
     }
     height: dict[int, int] = {}
     for number in TopologicalSorter(below).static_order():
         height[number] = max((height[other] + 1 for other in below[number]), default=0)
-    return {room: height[number] for room, number in place.items()}
+    return {component: height[number] for component, number in place.items()}
 
 
-def _circles(rooms: Mapping[str, set[str]]) -> list[list[str]]:
-    """The rooms in groups that import each other, directly or by others; most of one room."""
-    names = list(rooms)
+def _cycles(components: Mapping[str, set[str]]) -> list[list[str]]:
+    """The components in groups that import each other, directly or indirectly; most are alone."""
+    names = list(components)
     number = {name: i for i, name in enumerate(names)}
-    pairs = [(number[name], number[other]) for name in names for other in rooms[name]]
+    pairs = [(number[name], number[other]) for name in names for other in components[name]]
     starts, ends = np.array(pairs, dtype=int).reshape(-1, 2).T
     matrix = csr_array((np.ones(len(pairs)), (starts, ends)), shape=(len(names), len(names)))
     count, label = connected_components(matrix, connection="strong")

@@ -1,4 +1,4 @@
-"""The picture of imports for the page on the architecture: packages, and the rooms of each.
+"""The picture of imports for the page on the architecture: packages, and the components of each.
 
 In SVG that goes into the page, so that it takes the page's colours, light and dark.
 """
@@ -38,14 +38,14 @@ class Box(NamedTuple):
 
 
 def pages() -> dict[str, str]:
-    """What the page on the architecture includes."""
+    """Included files of the page on the architecture."""
     found = Imports.of(ROOT)
     panels = (panel(package, found.within(package)) for package in reversed(found.packages))
     return {"imports.txt": PAGE.format(overview=overview(found), panels="\n".join(panels))}
 
 
 def overview(found: Imports) -> str:
-    """The packages, and how many arrows lead from rooms of one to rooms of another."""
+    """The packages, and how many arrows lead from components of one to components of another."""
     arrows = Counter(
         (package, package_of(other))
         for package in found.packages
@@ -55,15 +55,17 @@ def overview(found: Imports) -> str:
     rows = _in_rows(floors(below), 2.0 * WIDTH)
     boxes = _placed([[(one, one) for one in row] for row in rows], 2.0 * WIDTH, 1.6 * FLOOR)
     lines = "".join(_line(boxes[a], boxes[b], is_up(a, b), str(n)) for (a, b), n in arrows.items())
-    return _svg("Arrows between rooms, by package", lines, boxes, 2.0 * WIDTH)
+    return _svg("Arrows between components, by package", lines, boxes, 2.0 * WIDTH)
 
 
-def panel(package: str, rooms: Mapping[str, set[str]]) -> str:
-    """The rooms of a package by floors, with arrows between them."""
-    rows = _in_rows(floors(rooms), WIDTH - GAP, len(package) + 1)
-    named = [[(room, room[len(package) + 1 :]) for room in row] for row in rows]
+def panel(package: str, components: Mapping[str, set[str]]) -> str:
+    """The components of a package by floors, with arrows between them."""
+    rows = _in_rows(floors(components), WIDTH - GAP, len(package) + 1)
+    named = [[(component, component[len(package) + 1 :]) for component in row] for row in rows]
     boxes = _placed(named, WIDTH, FLOOR)
-    lines = "".join(_line(boxes[a], boxes[b], False) for a in rooms for b in sorted(rooms[a]))
+    lines = "".join(
+        _line(boxes[a], boxes[b], False) for a in components for b in sorted(components[a])
+    )
     return _svg(package, lines, boxes, WIDTH)
 
 

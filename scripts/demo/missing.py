@@ -21,7 +21,7 @@ from crane_sim.ground_truth import GroundTruth, TrueEffect
 # What such motions show on any machine; `make discrepancy-benchmark` hides everything.
 EFFECTS = ("stribeck", "viscous_quadratic", "load_friction", "position_friction", "hose_stiffness")
 PERIODS = 3
-STRENGTH = 0.04  # rms of the force of the effect over that of the drive
+MAGNITUDE = 0.04  # rms of the force of the effect over that of the drive
 FOLDER = OUT / "missing_effect"
 ANSWER = FOLDER / "diagnosis"
 TRUTH = FOLDER / "truth"  # outside of the bags' folders: nobody who reads these sees it
@@ -32,7 +32,9 @@ HELD_OUT = {"held_out": VALIDATION}
 def make_bags(suite: Processes, law: CraneRun, seed: int) -> None:
     """Record the machine with the effect, faster than real time."""
     effect, form, joint = drawn(law, np.random.default_rng(seed))
-    spec_of_effect = {"effect": effect, "form": form, "joint": joint, "strength": STRENGTH}
+    spec_of_effect = {
+        "effect": effect, "form": form, "joint": joint, "relative_magnitude": MAGNITUDE,
+    }  # fmt: skip
     TRUTH.mkdir(parents=True)
     spec = TRUTH / "injected.yaml"
     spec.write_text(yaml.safe_dump({"seed": seed, "effects": [spec_of_effect]}), encoding="utf-8")
@@ -89,7 +91,12 @@ def table() -> Table:
     true = injected()
     for effect in true:
         result.add_row(
-            "injected", effect.effect, effect.joint or "all", f"{effect.strength:.1%}", "", ""
+            "injected",
+            effect.effect,
+            effect.joint or "all",
+            f"{effect.relative_magnitude:.1%}",
+            "",
+            "",
         )
     for finding in found.findings:
         errors = (

@@ -17,12 +17,6 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     zip_safe=False,
-    install_requires=[
-        "crane_model",
-        "mcap",
-        "numba",
-        "numpy",
-        "rosbags>=0.11",
-    ],
+    install_requires=["crane_model", "mcap", "numba", "numpy", "rosbags>=0.11"],
     entry_points={"console_scripts": []},
 )

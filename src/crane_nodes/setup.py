@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "crane_nodes"
 TOOLS = {  # they run without ROS
-    "recover": "crane_nodes.recording.recover:main",
+    "recover": "crane_nodes.recording.recover:main"
 }
 NODES = {
     "player": "crane_nodes.recording.player_node:main",

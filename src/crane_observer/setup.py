@@ -36,16 +36,7 @@ setup(
         (f"share/{PACKAGE}/launch", ["launch/observer.launch.py"]),
     ],
     zip_safe=False,
-    install_requires=[
-        "crane_bags",
-        "crane_model",
-        "matplotlib",
-        "numba",
-        "numpy",
-        "scipy",
-    ],
-    extras_require={
-        "ros": ["crane_nodes"],
-    },
+    install_requires=["crane_bags", "crane_model", "matplotlib", "numba", "numpy", "scipy"],
+    extras_require={"ros": ["crane_nodes"]},
     entry_points={"console_scripts": scripts},
 )

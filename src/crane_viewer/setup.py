@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "crane_viewer"
 TOOLS = {  # they run without ROS
-    "viewer": "crane_viewer.viewer:main",
+    "viewer": "crane_viewer.viewer:main"
 }
 
 if {"bdist_wheel", "editable_wheel"} & set(sys.argv):
@@ -31,15 +31,7 @@ setup(
         ),
     ],
     zip_safe=False,
-    install_requires=[
-        "crane_bags",
-        "crane_model",
-        "numpy",
-        "rerun-sdk>=0.41",
-        "rosbags>=0.11",
-    ],
-    extras_require={
-        "ros": ["crane_nodes"],
-    },
+    install_requires=["crane_bags", "crane_model", "numpy", "rerun-sdk>=0.41", "rosbags>=0.11"],
+    extras_require={"ros": ["crane_nodes"]},
     entry_points={"console_scripts": scripts},
 )

@@ -30,7 +30,8 @@ def test_the_experiment_is_for_the_class(
     effect = REGISTRY[case.effect].effect
     assert effect is not None
     measured(
-        f"{effect.name}, {case.joint}, {case.strength:.1%} of the drive, seed {case.seed}: members "
+        f"{effect.name}, {case.joint}, {case.relative_magnitude:.1%} of the drive, "
+        f"seed {case.seed}: members "
         "of the class; least separation told, foretold; recording; answer with it",
         "named",
         f"{len(before.classes[0])}; {told:.1f}, {foretold:.0f} σ; {plan['duration']:.0f} s; "

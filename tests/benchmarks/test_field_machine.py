@@ -24,8 +24,7 @@ from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import main as make_bag
-from crane_sim.options import load_both
-from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim.parts.parameters import SimulatedCrane, load_both
 from crane_sim.plant.closed_loop import REST_S, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors

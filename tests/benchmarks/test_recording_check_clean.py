@@ -22,7 +22,7 @@ from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 
 MACHINES = 40
-STRENGTH = 0.04  # of a hidden effect: rms over that of the drive force
+RELATIVE_MAGNITUDE = 0.04  # of a hidden effect: rms over that of the drive force
 FAULTY_CLOCK = "time_skew"  # is what it is: suspected, and not to be refused
 
 
@@ -57,7 +57,7 @@ def suspected(seed: int) -> tuple[str, list[str], bool]:
 
 
 def _hidden(rng, seed, effects):
-    """An effect of the catalogue that this machine and motion can have at that strength."""
+    """An effect of the catalogue that this machine and motion can have at that magnitude."""
     forms: list[tuple[Form, str | None]] = [
         (form, joint)
         for forms in FORMS.values()
@@ -67,7 +67,9 @@ def _hidden(rng, seed, effects):
     ]
     for k in rng.permutation(len(forms)):
         form, joint = forms[k]
-        effect = InjectedEffect(effect=form.effect, joint=joint, form=form.name, strength=STRENGTH)
+        effect = InjectedEffect(
+            effect=form.effect, joint=joint, form=form.name, relative_magnitude=RELATIVE_MAGNITUDE
+        )
         try:
             return effects(Spec(seed=seed, effects=(effect,)))
         except RangeError:

@@ -32,11 +32,11 @@ HELD_OUT = "held_out"
 
 @dataclass(frozen=True)
 class HiddenCase:
-    """An effect to hide, with its strength on `excitation_20s`."""
+    """An effect to hide, with its relative magnitude on `excitation_20s`."""
 
     effect: str
     joint: str
-    strength: float
+    relative_magnitude: float
     seed: int = 3
 
     @property
@@ -121,7 +121,11 @@ def record(folder: Path, name: str, trajectory: Path, periods: int, seed: int) -
 
 def narrowly_recorded(folder: Path, case: HiddenCase) -> None:
     """Bags of narrow motions: two to train on, one to hold out."""
-    effect = {"effect": case.effect, "joint": case.joint, "strength": case.strength}
+    effect = {
+        "effect": case.effect,
+        "joint": case.joint,
+        "relative_magnitude": case.relative_magnitude,
+    }
     spec = {"seed": case.seed, "effects": [effect]}
     (folder / "spec.yaml").write_text(yaml.safe_dump(spec), encoding="utf-8")
     plant = machine_file("simulated_crane.yaml").read_text(encoding="utf-8")

@@ -18,8 +18,8 @@ from crane_sim import make_bag
 SPEC = """
 seed: 5
 effects:
-  - {effect: hose_stiffness, joint: telescope, strength: 0.05}
-  - {effect: pressure_offset, joint: outer_boom, strength: 0.03}
+  - {effect: hose_stiffness, joint: telescope, relative_magnitude: 0.05}
+  - {effect: pressure_offset, joint: outer_boom, relative_magnitude: 0.03}
 """
 
 
@@ -68,14 +68,14 @@ def test_bag_tells_nothing(made: Path) -> None:
 
 
 def test_label_tells_all(made: Path) -> None:
-    """Effects, parameters and strengths; the arrays beside it are those of the bag, less noise."""
+    """Effects, parameters and relative magnitudes; the arrays are those of the bag, less noise."""
     label = json.loads((made / "label.json").read_text(encoding="utf-8"))
     assert (label["bag"], label["seed"], label["clean"]) == ("bag", 3, "label.npz")
     assert [entry["effect"] for entry in label["effects"]] == ["hose_stiffness", "pressure_offset"]
     for entry, wanted in zip(label["effects"], (0.05, 0.03), strict=True):
-        assert entry["strength_requested"] == wanted
-        assert entry["strength"] == pytest.approx(wanted, rel=0.15)
-        assert entry["strength"] == entry["strength_by_joint"][entry["joint"]]
+        assert entry["relative_magnitude_requested"] == wanted
+        assert entry["relative_magnitude"] == pytest.approx(wanted, rel=0.15)
+        assert entry["relative_magnitude"] == entry["relative_magnitude_by_joint"][entry["joint"]]
     clean = np.load(made / "label.npz")
     bag = made / "injected" / "bag"
     states = read_topics(bag, (JOINT_STATES,))[JOINT_STATES.name].select(PLANAR_JOINTS).fields
@@ -88,7 +88,9 @@ def test_label_tells_all(made: Path) -> None:
     whole = (sliding * clean["drive"][:, 1:] ** 2).sum(axis=0)
     shares = np.sqrt((sliding * clean["force"][:, :, 1:] ** 2).sum(axis=1) / whole)
     for entry, share in zip(label["effects"], shares, strict=True):
-        assert entry["strength"] == pytest.approx(share[PLANAR_JOINTS.index(entry["joint"])])
+        assert entry["relative_magnitude"] == pytest.approx(
+            share[PLANAR_JOINTS.index(entry["joint"])]
+        )
 
 
 def injected(label: Path) -> list[tuple[str, str, dict[str, float]]]:

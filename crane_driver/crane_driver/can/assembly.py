@@ -164,9 +164,7 @@ class CycleNumbers:
     def _common_cycle(
         self, received: dict[str, list[float]], counters: dict[str, list[int]]
     ) -> float:
-        """Cycle time of all messages [s]: those sampled together have one, and only times divided
-        by the same cycle give numbers that can be compared.
-        """
+        """Cycle time of all messages [s]: those sampled together have one."""
         measured = [
             measured_cycle(
                 np.array(received[name][-LEARNING_FRAMES:]),
@@ -222,7 +220,7 @@ class Complete(NamedTuple):
 
 @dataclass(slots=True)
 class _Set:
-    """What has come of one cycle."""
+    """Values and faults of one cycle."""
 
     stamp: int
     steady: float

@@ -71,9 +71,7 @@ class EchoFreeMulticastBus(UdpMulticastBus):
             raise can.CanOperationError(f"failed to send via socket: {error}") from error
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        """The next frame and False: it is not filtered. None after `timeout` [s], and instead of a
-        datagram that is not a frame of this bus.
-        """
+        """The next unfiltered frame and False; None after `timeout` [s] or a foreign datagram."""
         if not select.select([self._receiver], [], [], timeout)[0]:
             return None, False
         try:
@@ -137,7 +135,7 @@ class BusError(CraneError):
 
 
 class BusState(StrEnum):
-    """What is known of the bus. Only a received frame makes it active."""
+    """State of the bus. Only a received frame makes it active."""
 
     CLOSED = "closed"
     LOST = "lost"  # being reopened

@@ -29,7 +29,7 @@ class Clock(StrEnum):
 
 
 class Entry(NamedTuple):
-    """What a log holds: a data frame, or one that asks for data or reports an error of the bus."""
+    """Entry of a log: a data frame, a remote frame or an error frame."""
 
     channel: str
     frame: Frame

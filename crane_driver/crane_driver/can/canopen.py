@@ -76,7 +76,7 @@ class Watch:
         return faults
 
     def check(self, now: float) -> list[Fault]:
-        """What shows by no heartbeat coming; to be called in every cycle."""
+        """Check for missing heartbeats; call it in every cycle."""
         silence, limit = now - self._last, self.device.heartbeat_timeout
         if self.state in (NodeState.UNHEARD, NodeState.LOST) or silence <= limit:
             return []

@@ -140,9 +140,7 @@ class Encoder:
         self._bits = {message.name: SignalBits(message.message) for message in messages}
 
     def encode(self, layout: MessageLayout, raw: Mapping[str, float]) -> Frame:
-        """Frame with these raw values (none missing, whole numbers as `int`) and the next counter
-        and checksum.
-        """
+        """Frame with raw values (none missing, whole ones as `int`), next counter and checksum."""
         message, protection = layout.message, layout.protection
         values = dict(raw)
         if protection.counter:
@@ -184,9 +182,7 @@ def raw_values(
 
 @dataclass(slots=True)
 class Readings:
-    """What one frame holds, in SI units. Values that are no measurements are absent, and `faults`
-    say why; a frame of the wrong size or with a wrong checksum holds none.
-    """
+    """Values of one frame in SI units; `faults` give the reasons of absent ones."""
 
     message: str
     stamp: int  # ns, of reception

@@ -31,7 +31,7 @@ class Freshness(IntEnum):
 
 @dataclass(slots=True)
 class MessageStream:
-    """What is known of the frames of one message."""
+    """State of the frames of one message."""
 
     layout: MessageLayout
     late: float  # s, gaps beyond are late
@@ -208,9 +208,7 @@ class Acceptance:
 
 
 class ForeignCommands:
-    """Watches the identifiers of the valve commands. The link leaves out its own echoes, so that
-    whatever still comes under one of them was sent by somebody else, or sent again.
-    """
+    """Watch for valve commands of others: the link leaves out its own echoes."""
 
     def __init__(self, layout: Layout):
         self._decoder = Decoder(layout.commands)

@@ -25,7 +25,6 @@ class Channel:
     code_bits: int = 0  # its length if its greatest raw values are codes of J1939
 
     def raw(self, value: float) -> float:
-        """Raw value nearest to an SI value."""
         raw = (value - self.offset) / self.gain
         return raw if self.is_float else round(raw)
 
@@ -149,7 +148,7 @@ class MessageLayout:
 
 @dataclass(frozen=True)
 class Layout:
-    """What the driver receives (`readings`) and sends (`commands`); the machine the other way."""
+    """Messages that the driver receives (`readings`) and sends (`commands`)."""
 
     readings: tuple[MessageLayout, ...]
     commands: tuple[MessageLayout, ...]
@@ -172,9 +171,7 @@ class Layout:
 
     @property
     def frames_of_cycle(self) -> frozenset[int]:
-        """Identifiers of the frames with positions and pressures that come most often; none if the
-        source address of one is not known before it comes.
-        """
+        """Most frequent frames with positions and pressures; none if an address is unknown."""
         measuring = [message for message in self.readings if message.positions or message.pressures]
         shortest = min(message.cycle for message in measuring)
         often = [message for message in measuring if message.cycle == shortest]

@@ -99,9 +99,7 @@ class Link:
         self._disconnect(BusState.CLOSED)
 
     def take(self, most: int | None = None) -> list[Frame]:
-        """The frames received since the last call, oldest first; `most` of them, if that is given:
-        the others wait, and who takes frames is woken again.
-        """
+        """Frames since the last call, oldest first, at most `most`: the others wake the reader."""
         with self._lock:
             count = len(self._frames) if most is None else min(most, len(self._frames))
             frames = [self._frames.popleft() for _ in range(count)]

@@ -80,16 +80,14 @@ SignalName = Annotated[str, Field(pattern=r"^\w+\.\w+$")]
 
 
 class SignalUnit(NamedTuple):
-    """What a unit measures, and its size in SI units."""
+    """Quantity of a unit, and its size in SI units."""
 
     quantity: str  # angle, length, pressure, current, ratio
     size: float
 
 
 def spellings(unit: str) -> tuple[str, ...]:
-    """A unit as it was read, and as it reads in GB2312: "¡ã" is the degree of a Chinese tool in a
-    file that is not of one encoding.
-    """
+    """A unit as it was read, and in GB2312: "¡ã" is the degree of a Chinese tool."""
     try:
         return unit, unit.encode("cp1252").decode("gb2312")
     except UnicodeError:
@@ -124,9 +122,7 @@ class PressureSignal(Schema):
 
 
 class Direction(Schema):
-    """Signal that says which way a magnitude opens the valve: values as the DBC's value table names
-    them, or numbers.
-    """
+    """Signal of the direction of a magnitude: values of the DBC's value table, or numbers."""
 
     signal: SignalName
     positive: str | int
@@ -135,7 +131,7 @@ class Direction(Schema):
 
 
 class ValveSignal(Schema):
-    """What the valve is sent: sign * command, command -1 to 1.
+    """Value sent to the valve: sign * command, command -1 to 1.
 
     One `signal` with both signs; or a `signal` without sign and its `direction`; or two one-sided
     signals, `positive` and `negative`. `full`: the signal at a command of 1, in `unit`.

@@ -35,9 +35,7 @@ class Beat(NamedTuple):
 
 
 def measured_cycle(received: np.ndarray, counters: np.ndarray, cycle: float, count: int) -> float:
-    """The cycle time [s] by which a device really sends, where frames (n,) come evenly, none is
-    lost, and delays cannot have brought about what they show; else the nominal `cycle`.
-    """
+    """True cycle time [s] of a device, from evenly received frames (n,); else `cycle`."""
     if len(received) < TELLING_FRAMES or ((np.diff(counters) % count) != 1).any():
         return cycle
     index = np.arange(len(received))
@@ -112,13 +110,11 @@ class FrameStream:
         self.known = True  # when frames are to come
 
     def silence(self, received: float) -> float:
-        """Cycles from the newest frame, had it been prompt, to a reception: the sender was silent
-        for no longer.
-        """
+        """Cycles from the newest frame to a reception: the longest silence of the sender."""
         return (received - self.base) / self.cycle - self._newest
 
     def index(self, counter: int, received: float) -> tuple[int, bool]:
-        """Of a frame, and whether it is proven; else it may be another by whole rounds."""
+        """Index of a frame, and whether it is proven; else it may be wrong by whole rounds."""
         while self._recent and received - self._recent[0][0] >= self._overtaken:
             self._passed = max(self._passed, self._recent.popleft()[1])
         index = self._passed + 1 + (counter - self._passed - 1) % self._count

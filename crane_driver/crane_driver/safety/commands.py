@@ -18,7 +18,7 @@ CommandShare = Annotated[float, Field(gt=0, lt=1)]
 # rad, m, before a limit where motion ends: what a valve does while it closes again
 LIMIT_MARGIN = 0.002
 FAR_TOO_FAST_SHARE = 0.2  # of the speed of Table 2, beyond what is allowed
-# Of the command beyond neutral; less than that tells nothing of the speed it gives
+# Least command beyond neutral that shows the speed it gives
 LEAST_OPENING = 0.005
 
 

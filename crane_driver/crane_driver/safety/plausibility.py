@@ -70,10 +70,10 @@ class PositionWatch:
     def observe(
         self, time: float, position: float, command: float, pressures: Sequence[float]
     ) -> Fault | None:
-        """What is newly wrong with a reading at `time` [s].
+        """Return the new findings about a reading at `time` [s].
 
-        `command`: what the valve was last sent (-1 to 1); `pressures` [Pa] of both chambers,
-        NaN where they are not measured.
+        `command`: the last command of the valve (-1 to 1); `pressures` [Pa] of both chambers, NaN
+        if not measured.
         """
         if not self.believed or not math.isfinite(position):
             return None
@@ -141,9 +141,9 @@ class FaultyEncoders:
         self._before: set[str] = set()  # joints
 
     def take(self, told: Mapping[str, str], before: bool) -> tuple[list[Fault], list[str]]:
-        """What is new in all that the monitor has found, joint by joint, and what to log.
+        """Return the monitor's new findings, joint by joint, and the lines to log.
 
-        before: whether it was found before the driver began.
+        before: whether they were found before the driver began.
         """
         old = set(told) if before else self._before & set(told)
         warnings = [
@@ -161,9 +161,7 @@ class FaultyEncoders:
         return faults, warnings
 
     def problem(self, substituted: str) -> str:
-        """Why the crane may not be enabled; empty if it may. The encoder that is substituted is not
-        believed anyway.
-        """
+        """Reason against enabling; empty if none. A `substituted` encoder is not believed."""
         wrong = [
             f"{joint}: {what}" for joint, what in self._standing.items() if joint != substituted
         ]
@@ -176,7 +174,7 @@ class FaultyEncoders:
 
 
 class JointEstimate(NamedTuple):
-    """What is told of a joint that turns [rad, rad/s] or slides [m, m/s]."""
+    """Estimate of a joint that turns [rad, rad/s] or slides [m, m/s]."""
 
     time: float  # s, steady, of the readings that it rests on
     position: float
@@ -209,9 +207,7 @@ class Substitution:
         return cls(joint, settings)
 
     def tell(self, estimate: JointEstimate, now: float) -> None:
-        """Take a newer estimate; one that is no number, older than the last, or of the future is
-        left out, so that it is missed.
-        """
+        """Take a newer estimate; one that is NaN, older, or of the future is left out."""
         newer = self._newest is None or estimate.time > self._newest.time
         if newer and estimate.time <= now and all(map(math.isfinite, estimate[:-1])):
             self._newest = estimate

@@ -55,7 +55,7 @@ class SafetyState(StrEnum):
 
 
 class Event(StrEnum):
-    """What may change the state."""
+    """Event that may change the state."""
 
     READY = "ready"
     ENABLE = "enable"
@@ -85,7 +85,7 @@ TRANSITIONS: dict[tuple[SafetyState, Event], SafetyState] = {
         if state is not SafetyState.LISTENING
     },
 }
-"""What is not in the table does not happen: in particular nothing but ENABLE leads to ENABLED."""
+"""Transitions outside the table do not happen: in particular only ENABLE leads to ENABLED."""
 
 LETTING_THROUGH = frozenset({SafetyState.ENABLED, SafetyState.DEGRADED})
 """In these, commands reach the valves."""
@@ -136,7 +136,7 @@ class LogEntry(NamedTuple):
 
 
 class Output(NamedTuple):
-    """What the valves are sent."""
+    """Commands to the valves."""
 
     commands: dict[str, float]  # joint: -1 to 1
     enabled: bool
@@ -221,9 +221,7 @@ class Supervisor:
         return self._substitution.joint if self._substitution else ""
 
     def substitute(self, joint: str) -> None:
-        """Go on without the encoder of a joint, or, if it is empty, with all of them;
-        `RefusedError` says what is in the way.
-        """
+        """Go on without the encoder of a joint, or with all if empty; `RefusedError` if not."""
         asked = f"no substitute for {joint}" if joint else "the substitute is not taken back"
         self._refuse_listening(asked)
         if self.letting_through or any(self._output.values()):
@@ -245,7 +243,7 @@ class Supervisor:
 
     @property
     def sent(self) -> Mapping[str, float]:
-        """What the valves were last sent, -1 to 1 by joint."""
+        """Last commands of the valves, -1 to 1 by joint."""
         return self._output
 
     def not_believed(self, faults: Iterable[Fault]) -> None:
@@ -255,9 +253,7 @@ class Supervisor:
                 self._latch(fault)
 
     def encoders_found_faulty(self, told: Mapping[str, str], before: bool) -> None:
-        """All that the sensor monitor has found wrong with positions, by joint; `before`: found
-        before the driver began.
-        """
+        """Positions that the sensor monitor found wrong; `before`: before the driver began."""
         faults, warnings = self._faulty_encoders.take(told, before)
         self.log += [LogEntry(Level.WARNING, text) for text in warnings]
         self.not_believed(fault for fault in faults if fault.source != self.substituted)
@@ -330,7 +326,7 @@ class Supervisor:
             self._happen(Event.RESET)
 
     def output(self, now: float) -> Output:
-        """What to send at `now`; to be called in every cycle."""
+        """Commands to send at `now`; call it in every cycle."""
         dt = min(now - self._stepped, LONGEST_STEP_S)
         self._stepped = now
         if self.letting_through:

@@ -45,7 +45,7 @@ MOST_NAMED_SAMPLES = 5  # bad samples that are named one by one
 
 @dataclass(frozen=True)
 class _Found:
-    """What is wrong with one column: `bad` (n,), and `jumps`, samples from which on it is off."""
+    """Faults of one column: `bad` (n,), and `jumps`, samples from which on it is off."""
 
     bad: np.ndarray
     jumps: np.ndarray
@@ -201,7 +201,7 @@ def _examine(time: np.ndarray, value: np.ndarray, moves: bool) -> _Found:
 
 
 def _acceleration(time: np.ndarray, value: np.ndarray, suspects: np.ndarray) -> float:
-    """What the joint reaches for a hundredth of the time, without suspect samples."""
+    """Acceleration that the joint reaches for a hundredth of the time, without suspect samples."""
     samples = max(round(LARGEST_GAP / float(np.median(np.diff(time)))), 2)
     if len(value) <= 2 * samples:
         return 0.0
@@ -242,9 +242,7 @@ def _steps(value: np.ndarray) -> np.ndarray:
 
 
 def _astray(interval: np.ndarray, unread: np.ndarray) -> float:
-    """How far [s] a sample may be from its time: stamps are off, or a state is sent again, which
-    is `unread` (n - 1,).
-    """
+    """Possible time error [s] of a sample: stamps are off, or a state is repeated, `unread`."""
     usual = float(np.median(interval))
     off = float(np.percentile(np.abs(interval - usual), LATE_PERCENTILE))
     edges = np.flatnonzero(np.diff(unread, prepend=False, append=False))
@@ -267,8 +265,7 @@ def _speed(time: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 
 def _jumps(time: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """(n - 1,) from sample to sample: how far beyond what the velocity before and the one behind
-    would have led; 0 where one of the two explains it."""
+    """(n - 1,) jumps beyond the velocity before and the one behind; 0 if one explains it."""
     interval = np.diff(time)
     velocity = np.diff(value) / interval
     before = np.diff(velocity, prepend=velocity[1])
@@ -309,7 +306,7 @@ def _excursions(
 
 
 def _returns(time: np.ndarray, value: np.ndarray, first: int, behind: int, limit: float) -> bool:
-    """Whether sample `behind` is where the motion before sample `first` leads."""
+    """Return whether sample `behind` continues the motion before sample `first`."""
     begin = max(first - 4, 0)
     velocity = 0.0
     if first - 1 > begin:

@@ -24,7 +24,7 @@ SHARED_QUANTITIES = ("slew_position", "supply_pressure", "tank_pressure", "tempe
 
 
 class Unit(NamedTuple):
-    """What a unit measures, and its size in SI units (temperature: degrees Celsius)."""
+    """Quantity of a unit, and its size in SI units (temperature: degrees Celsius)."""
 
     quantity: str
     factor: float
@@ -66,7 +66,7 @@ UNITS = {
 }
 
 
-# What a column map names: columns of tables, fields of topics, and sums of them.
+# Sources that a column map names: columns of tables, fields of topics, and sums of them.
 
 Cell = tuple[str, int | str | None]
 """A column or field, and the place in it where it is a matrix or an array."""
@@ -92,7 +92,6 @@ class Reading(Schema):
 
     @property
     def quantity(self) -> str:
-        """What the unit measures."""
         return UNITS[self.unit].quantity
 
     @property
@@ -107,7 +106,7 @@ class Reading(Schema):
     @property
     @abstractmethod
     def stream(self) -> str:
-        """Where the numbers come from with their time: a pattern of file names, or a topic."""
+        """Source of the numbers and their time: a pattern of file names, or a topic."""
 
     @property
     @abstractmethod
@@ -120,7 +119,6 @@ class Reading(Schema):
         """How messages speak of it."""
 
     def in_si(self, numbers: np.ndarray) -> np.ndarray:
-        """The quantity in SI units."""
         return (self.scale * numbers + self.offset) * UNITS[self.unit].factor
 
 
@@ -138,7 +136,6 @@ class Column(Reading):
 
     @property
     def stream(self) -> str:
-        """Pattern of file names."""
         return self.file
 
     @property
@@ -148,7 +145,6 @@ class Column(Reading):
 
     @property
     def label(self) -> str:
-        """The name of the column."""
         return self.column if self.index is None else f"{self.column}[{self.index}]"
 
 
@@ -173,12 +169,10 @@ class TopicField(Reading):
 
     @property
     def stream(self) -> str:
-        """The topic that its messages come on."""
         return self.topic
 
     @property
     def cell(self) -> Cell:
-        """Field and place in it."""
         return self.field, self.index
 
     @property
@@ -221,17 +215,14 @@ class Sum(Schema):
 
     @property
     def quantity(self) -> str:
-        """What it is a sum of."""
         return self.sum[0].quantity
 
     @property
     def unit(self) -> str:
-        """The unit of the first."""
         return self.sum[0].unit
 
     @property
     def readings(self) -> tuple[Reading, ...]:
-        """What is added."""
         return self.sum
 
     def combined(self, values: Sequence[np.ndarray]) -> np.ndarray:
@@ -240,7 +231,6 @@ class Sum(Schema):
 
     @property
     def label(self) -> str:
-        """All of them."""
         first, *rest = self.sum
         signs = ["-" if addend.scale < 0 else "+" for addend in rest]
         return " ".join(
@@ -260,17 +250,14 @@ class Directed(Schema):
 
     @property
     def quantity(self) -> str:
-        """That of the size."""
         return self.size.quantity
 
     @property
     def unit(self) -> str:
-        """That of the size."""
         return self.size.unit
 
     @property
     def readings(self) -> tuple[Reading, ...]:
-        """Size and direction."""
         return self.size, self.direction
 
     def combined(self, values: Sequence[np.ndarray]) -> np.ndarray:
@@ -281,7 +268,6 @@ class Directed(Schema):
 
     @property
     def label(self) -> str:
-        """Size and direction."""
         return f"{self.size.label} by {self.direction.label}"
 
 
@@ -342,7 +328,7 @@ class Cylinder(Schema):
 
 
 class JointSources(Schema):
-    """Where one joint's position is, and its force or the pressures of its cylinder.
+    """Sources of one joint's position, and of its force or the pressures of its cylinder.
 
     With both, the force is taken as given; the pressures are for terms that depend on them.
     """
@@ -391,7 +377,6 @@ class JointSources(Schema):
                 raise ValueError(f"cylinder: needs pressure_{side} in a unit of pressure")
 
     def given(self) -> dict[str, Source]:
-        """What the map names, by quantity."""
         names = (name for name in JointSources.model_fields if name != "cylinder")
         sources = {name: getattr(self, name) for name in names}
         return {name: source for name, source in sources.items() if source}
@@ -459,11 +444,10 @@ class ColumnMap(Schema):
 
     @property
     def of_topics(self) -> bool:
-        """Whether it is for bags."""
         return any(isinstance(reading, TopicField) for reading in self.readings())
 
     def shared(self) -> dict[str, Source]:
-        """What belongs to no joint, by quantity."""
+        """Sources that belong to no joint, by quantity."""
         sources = {name: getattr(self, name) for name in SHARED_QUANTITIES}
         return {name: source for name, source in sources.items() if source}
 
@@ -474,7 +458,7 @@ class ColumnMap(Schema):
         return {reading.topic: reading.type for reading in fields if reading.type}
 
     def of(self, joints: Sequence[str], recording: Path | str) -> list[JointSources]:
-        """What it says of each of `joints`; `DataError` names `recording` and what is absent."""
+        """Sources of `joints`; `DataError` names `recording` and each missing source."""
         if unknown := [joint for joint in joints if joint not in self.joints]:
             raise DataError(
                 f"{recording}: the column map has no joint '{unknown[0]}'; it has "
@@ -483,7 +467,7 @@ class ColumnMap(Schema):
         return [self.joints[joint] for joint in joints]
 
     def cells(self, joints: Sequence[str], recording: Path | str) -> dict[str, list[Cell]]:
-        """What is to be read for `joints`, by stream."""
+        """Sources to read for `joints`, by stream."""
         of_joints = [
             source for joint in self.of(joints, recording) for source in joint.given().values()
         ]

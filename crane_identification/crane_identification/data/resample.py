@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -66,16 +66,11 @@ class Samples:
         return len(self.time)
 
 
-def resample(
-    log: Log,
-    rate: float | None = None,
-    largest_gap: float = LARGEST_GAP,
-    gaps: Literal["split", "refuse"] = "split",
-) -> Samples:
+def resample(log: Log, rate: float | None = None, largest_gap: float = LARGEST_GAP) -> Samples:
     """Positions, forces and pressures of a log, linearly interpolated at the same times.
 
     rate: [Hz]; None: that of the positions. largest_gap: [s]; where positions, forces or pressures
-    of a joint (NaN are none) are further apart, the samples are split into runs, or refused.
+    of a joint (NaN are none) are further apart, the samples are split into runs.
     The other signals do not split: they are interpolated too (the command holds its last value),
     each column for itself, with NaN where it was not logged yet, no more, or not for `largest_gap`
     and two of its own intervals. `DataError` if too little is left.
@@ -91,7 +86,7 @@ def resample(
     time = begin + np.arange(int((end - begin + STAMP_MARGIN_S) * rate) + 1) / rate
     covered = np.ones(len(time), dtype=bool)
     for signal in required.values():
-        covered &= ~_inside_gap(log, signal, time, largest_gap, gaps)
+        covered &= ~_inside_gap(signal, time, largest_gap)
     run = _runs(covered)
     if not (run >= 0).any():
         raise DataError(
@@ -234,22 +229,12 @@ def _bridge(time: np.ndarray, column: np.ndarray, largest_gap: float) -> None:
         column[bridged] = np.interp(time[bridged], time[sound], column[sound])
 
 
-def _inside_gap(
-    log: Log, signal: Signal, time: np.ndarray, largest_gap: float, gaps: Literal["split", "refuse"]
-) -> np.ndarray:
+def _inside_gap(signal: Signal, time: np.ndarray, largest_gap: float) -> np.ndarray:
     """(n,) whether the times lie between two samples that are too far apart."""
     after = np.searchsorted(signal.time, time).clip(1, len(signal.time) - 1)
     before_time, after_time = signal.time[after - 1], signal.time[after]
     between = (before_time + STAMP_MARGIN_S < time) & (time < after_time - STAMP_MARGIN_S)
-    inside = between & (after_time - before_time > largest_gap)
-    if inside.any() and gaps == "refuse":
-        first = int(inside.argmax())
-        raise DataError(
-            f"{log.source}: {signal.origin}: nothing for "
-            f"{after_time[first] - before_time[first]:.3f} s after {before_time[first]:.3f} s, at "
-            f"most {largest_gap} s allowed; record again, or split the log into runs"
-        )
-    return inside
+    return between & (after_time - before_time > largest_gap)
 
 
 def _runs(covered: np.ndarray) -> np.ndarray:

@@ -40,9 +40,7 @@ class Sources:
 
 
 def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) -> None:
-    """`DataError` if a recording is given for training and validation, with the reason `why` not,
-    or twice for one of them: it would count as two that agree.
-    """
+    """`DataError` if a recording is given twice, or for both purposes, with the reason `why`."""
     both = {path.resolve() for path in train} & {path.resolve() for path in validate}
     if both:
         raise DataError(

@@ -158,7 +158,6 @@ def _microseconds(text: str | None) -> int:
 
 
 def _stripped(column: pl.Series) -> pl.Series:
-    """Blank cells as empty ones."""
     if column.dtype != pl.String:
         return column
     return column.str.strip_chars().replace("", None)
@@ -176,7 +175,7 @@ def _from_mat(path: Path, cells: Collection[Cell], dates: Collection[Cell]) -> C
 
 
 def _inside(path: Path, name: str, variables: dict[str, Any]) -> Any:
-    """What a dotted name leads to, through structs and arrays of them."""
+    """Follow a dotted name through structs and arrays of structs."""
     found: Any = variables
     way = [name] if name in variables else name.split(".")
     for depth, part in enumerate(way):
@@ -265,7 +264,6 @@ def _files(path: Path, pattern: str) -> list[Path]:
 
 
 def _stream(files: Sequence[Path], column_map: ColumnMap, cells: Sequence[Cell]) -> Stream:
-    """The columns of tables that follow one another."""
     column = column_map.time
     clock = [column.cell] if column else []
     dates = clock if column and column.unit == DATE else []

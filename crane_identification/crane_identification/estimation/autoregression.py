@@ -44,7 +44,7 @@ class Autoregression(NamedTuple):
     filtered: np.ndarray = UNFILTERED
 
     def autocovariance(self, lags: int) -> np.ndarray:
-        """Of the noise behind its filter, at lags 0, 1, ...: (lags,)."""
+        """Autocovariance of the filtered noise at lags 0, 1, ...: (lags,)."""
         points = _points(lags)
         return np.fft.irfft(self.spectrum(points), points)[:lags]
 

@@ -36,7 +36,7 @@ from crane_identification.estimation.regression import (
 )
 from crane_identification.options import Covariance
 from crane_model.base_parameters import STANDARD_PARAMETERS, lagrangian_from_standard
-from crane_model.chain import PER_BODY, TEN_FROM_PSEUDO_INERTIA
+from crane_model.chain.body_regressor import PER_BODY, TEN_FROM_PSEUDO_INERTIA
 from crane_model.dynamics import Geometry
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import Machine
@@ -97,7 +97,7 @@ class Bodies:
 
     @property
     def in_space(self) -> bool:
-        """Whether bodies have all ten parameters; else they are planar."""
+        """Return whether bodies have all ten parameters; else they are planar."""
         return self.moments.shape[1] == 4
 
 
@@ -140,7 +140,7 @@ def physics(model: Model, bodies_in_space: bool = True) -> Physics:
 
 
 def _asymmetries(model: Model) -> list[tuple[int, int]]:
-    """Where a mean of both directions and half their difference stand in Θ, joint by joint."""
+    """Columns in Θ of the mean of both directions and of half their difference, by joint."""
     means = {(term.type, term.only_joint): model.part(term).start for term in model.terms}
     pairs = [
         (term.type, model.joints.index(term.only_joint), mean, model.part(term).start)

@@ -185,7 +185,7 @@ def products_of(rows: Rows) -> np.ndarray:
 
 
 def _acts(rows: Rows, joint: str, names: Sequence[str]) -> bool:
-    """Whether one of the parameters acts on the joint (by name, if it has no effect at all)."""
+    """Return whether a parameter acts on the joint (by name, if it has no effect at all)."""
     j = rows.joints.index(joint)
     for name in names:
         column = rows.norms(rows.matrix[:, :, rows.names.index(name)])

@@ -56,11 +56,11 @@ def white(residual: np.ndarray, bread: np.ndarray, assumption: Covariance) -> np
 
 
 class NoiseOfJoint(NamedTuple):
-    """What the noise of one joint does to the estimate.
+    """Effect of one joint's noise on the estimate.
 
     `meat` (p, p) is ΦᵀW Γ WΦ of its rows, Γ the autocovariance of the noise, and `freedom` the
-    independent samples that Γ is known from. `likely` (p, p) is the same by the most probable model
-    of the noise, without caution.
+    number of independent samples that Γ rests on. `likely` (p, p) is the same by the most probable
+    model of the noise, without caution.
     """
 
     meat: np.ndarray
@@ -257,7 +257,7 @@ def fit(rows: Rows, weights: np.ndarray, covariance: Covariance, prior: Prior | 
 def spread_of(
     rows: Rows, weights: np.ndarray, values: np.ndarray, bread: np.ndarray, covariance: Covariance
 ) -> Spread:
-    """What the noise of the rows gives to the solution with this `bread`."""
+    """Covariance that the noise of the rows gives the solution with this `bread`."""
     residual = weights * rows.residual(values)
     if covariance is Covariance.CORRELATED:
         joints = noise_of_joints(rows, weights, residual, lack_of_fit(rows, values))

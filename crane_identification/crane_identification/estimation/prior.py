@@ -1,4 +1,4 @@
-"""What is known of parameters before any recording: a Gaussian prior, from a file."""
+"""A Gaussian prior of parameters, from a file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import model_validator
 from scipy.linalg import block_diag, orth
 
-from crane_model.chain import pseudo_inertia
+from crane_model.chain.body_regressor import pseudo_inertia
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
@@ -96,7 +96,7 @@ class Measure(StrEnum):
 
 
 class PriorFile(Schema):
-    """What is known of single parameters, by name, and of the bodies of all joints."""
+    """Prior of single parameters, by name, and of the bodies of all joints."""
 
     parameters: dict[str, KnownParameter] = {}
     bodies: dict[str, KnownBody] = {}
@@ -145,7 +145,7 @@ class Prior:
 
     @property
     def wording(self) -> str:
-        """What kind of prior it is, in words."""
+        """Kind of the prior, in words."""
         return "prior" if self.bodies is None else "log-det prior"
 
 

@@ -92,7 +92,7 @@ class Rows:
 
     @property
     def repeated(self) -> bool:
-        """Whether every recording has at least two periods, whose scatter shows the noise."""
+        """Return whether every recording has two periods or more, whose scatter shows the noise."""
         runs = len(np.unique(self.run))
         return len(self.scatter) == runs and all(len(deviation) > 1 for deviation in self.scatter)
 

@@ -35,7 +35,7 @@ LEAST_FLOW_TIME_S = 8.0  # s of motion in either direction
 STILL = 0.02  # of the fastest piston speed; below it a joint counts as at rest
 FLOW_PRESSURES = ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
 METERING_DROP = "metering_drop"
-"""Of a passage: the drop at all edges that feed, where valves share the flow of one pump [Pa]."""
+"""Drop at all edges of a passage that feed, if valves share the flow of one pump [Pa]."""
 COMMON = ("supply_pressure", "tank_pressure")  # of all joints; nominal where they are not logged
 VALVE_MOTION = ("position", "command")
 FLOW_SIGNALS = (*VALVE_MOTION, *FLOW_PRESSURES)
@@ -217,7 +217,7 @@ def _require_motion(
 
 
 class SpoolValues(NamedTuple):
-    """What the balance is not linear in; `share` is that part of the lag which is not delay."""
+    """Nonlinear parameters of the balance; `share` is that part of the lag which is not delay."""
 
     lag: float  # s
     share: float
@@ -237,7 +237,7 @@ class SpoolValues(NamedTuple):
 
 
 class PassageRows:
-    """What the rows of one passage have in common: the opening of the valve, and the filter."""
+    """Common data of the rows of one passage: the opening of the valve, and the filter."""
 
     def __init__(self, passage: Passage, gate: np.ndarray | None = None) -> None:
         """`gate` (n,) is 1 where the samples count, 0 where not."""

@@ -76,7 +76,7 @@ LEVER_TOLERANCE = 1e-6  # levers of a joint that has one alone
 
 
 class JointFit(NamedTuple):
-    """What is known of a joint, and the fit that it is known from."""
+    """Estimates of a joint, and their fit."""
 
     values: JointHydraulics
     projection: BalanceFit
@@ -164,7 +164,7 @@ def _require_sense(found: BalanceFit, modulus: float | None) -> None:
 
 
 def measured_spool(found: BalanceFit) -> dict[str, Measured]:
-    """What is known of the spool, by name."""
+    """Estimates of the spool, by name."""
     spool = found.spool
     return {
         "dead_band_a": _measured(found, spool.dead_band_a, "1", dead_band_a=1.0),
@@ -246,21 +246,25 @@ def identify_motion(machine: Machine, joint: str, logs: Sequence[Log]) -> JointH
         Measured(value=float(gain), std_dev=float(std), unit=GAIN_UNIT)
         for gain, std in zip(gains, std_devs, strict=True)
     )
-    values = measured_spool(found)
-    valve = ValveValues(
-        **values,
-        damping_ratio=Measured(value=DAMPING_RATIO, unit="1"),
-        supply_a=forth,
-        b_tank=forth,
-        supply_b=back,
-        a_tank=back,
-    )
+    valve = _valve_of_speeds(measured_spool(found), forth, back)
     oil = ("bulk_modulus", "dead_volume_a", "dead_volume_b", "leakage")
     return JointHydraulics(
         valve=valve,
         undetermined=undetermined(valve.by_name)
         | {name: f"pressure transducers, then {discriminated_by(name)}" for name in oil},
         unexplained=found.unexplained,
+    )
+
+
+def _valve_of_speeds(spool: Mapping[str, Measured], forth: Measured, back: Measured) -> ValveValues:
+    """Values of a valve whose speeds alone are known: both edges of a direction have one gain."""
+    return ValveValues(
+        **spool,
+        damping_ratio=Measured(value=DAMPING_RATIO, unit="1"),
+        supply_a=forth,
+        b_tank=forth,
+        supply_b=back,
+        a_tank=back,
     )
 
 
@@ -315,7 +319,6 @@ def _still(log: Log) -> bool:
 
 
 def _shared(found: Sequence[JointFit]) -> list[list[tuple[BalanceFit, ChamberRows]]]:
-    """Rows of all joints that begin and end together."""
     together: dict[tuple[str, float, int], list[tuple[BalanceFit, ChamberRows]]] = {}
     for joint in found:
         for rows in joint.balance.rows:
@@ -387,9 +390,9 @@ def _highest(courses: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarr
 def identify_hydraulics(
     model: Model, logs: Sequence[Log], period: float | None = None, progress: Progress = silent
 ) -> HydraulicValues | None:
-    """What recordings tell of valves, oil and supply; None if no command shows anything of them.
+    """Identify valves, oil and supply from recordings; None if no command shows any of them.
 
-    Joints of which nothing can be told are named with the reason.
+    Joints without an estimate are listed with the reason.
     """
     machine = model.machine
     wanted = [log for log in logs if log.command is not None]
@@ -467,7 +470,7 @@ class Ramp(Schema):
 
 
 class Ramps(Schema):
-    """Of one joint, by the sign of the command."""
+    """Ramps of one joint, by the sign of the command."""
 
     positive: Ramp
     negative: Ramp
@@ -548,16 +551,8 @@ def from_ramps(machine: Machine, joint: str, ramps: Ramps) -> JointHydraulics:
         "lag": Measured(value=lag, std_dev=abs(extending.lag - retracting.lag) / 2.0, unit="s"),
         "natural_frequency": Measured(value=2.0 * DAMPING_RATIO / lag, unit="rad/s"),
     }
-    valve = ValveValues(
-        **values,
-        damping_ratio=Measured(value=DAMPING_RATIO, unit="1"),
-        supply_a=forth,
-        b_tank=forth,
-        supply_b=back,
-        a_tank=back,
-    )
     return JointHydraulics(
-        valve=valve,
+        valve=_valve_of_speeds(values, forth, back),
         undetermined=undetermined(values)
         | {name: discriminated_by(name) for name in ASSUMED}
         | {name: f"pressure transducers, then {discriminated_by(name)}" for name in OIL},

@@ -33,7 +33,7 @@ from crane_model.errors import DataError
 LOWEST_SPOOL = SpoolValues(1e-3, 0.0, 0.0, 0.0, 0.0)
 HIGHEST_SPOOL = SpoolValues(0.8, 1.5, 0.5, 0.5, 0.3)
 SCALE = np.array([2e-3, 0.1, 1e-2, 1e-2, 1e-2])
-"""Of the parameters of a spool, so that a step of 1 changes the balance visibly."""
+"""Scales of the parameters of a spool, so that a step of 1 changes the balance visibly."""
 SPOOL_STEP = 1e-3  # of SCALE, for derivatives
 STARTS = (
     *product((0.01, 0.03, 0.08), (0.005, 0.02, 0.04, 0.06, 0.09, 0.13, 0.2)),

@@ -63,9 +63,7 @@ class Window:
 
     @property
     def overlap(self) -> float:
-        """Spectral density at frequency 0 over that of white noise of the same variance, for the
-        average of white noise over these windows.
-        """
+        """Spectral density at 0 Hz of white noise averaged over these windows, over its own."""
         return float(1.0 / (self._every * (self._weights**2).sum()))
 
     def add(self, smoothed: Smoothed) -> Row | None:
@@ -107,7 +105,6 @@ class Gate:
         self._run = -1
 
     def add(self, smoothed: Smoothed) -> None:
-        """The next velocities."""
         direction = np.sign(smoothed.velocity)
         direction[np.abs(smoothed.velocity) <= self.resolution(smoothed)] = 0.0
         turned = direction != self._direction
@@ -172,8 +169,7 @@ class OnlineEstimator:
     def __init__(
         self, model: Model, options: OnlineOptions | None = None, from_pressures: bool = True
     ):
-        """`ConfigurationError` if the options do not fit the model, or if it has no machine and
-        forces are to be computed `from_pressures`."""
+        """`ConfigurationError` if the options do not fit the model, or it lacks a machine."""
         self.model = model
         self.options = options or OnlineOptions()
         if from_pressures and model.machine is None:
@@ -189,7 +185,6 @@ class OnlineEstimator:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything that was learned and counted."""
         o, joints = self.options, len(self.model.joints)
         self.matcher = Matcher(round(o.largest_gap * NANOSECONDS))
         step = round(o.period * NANOSECONDS / INSTANTS)
@@ -242,7 +237,6 @@ class OnlineEstimator:
         return 1.0 - self.samples / total if total else np.nan
 
     def solve(self) -> Solution:
-        """The estimate on all rows so far."""
         return self._recursion.solve(self._correlation.factors())
 
     def fitted_model(self) -> Model:

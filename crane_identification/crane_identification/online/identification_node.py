@@ -121,7 +121,6 @@ class Condition:
         self.problems = {}
 
     def arrived(self, topic: str, now: float) -> None:
-        """A message came."""
         self._heard[topic] = now
 
     def problem(self, topic: str, text: str) -> bool:
@@ -131,7 +130,6 @@ class Condition:
         return known != text
 
     def well(self, topic: str) -> None:
-        """A message was as it should be."""
         self.problems.pop(topic, None)
 
     def silent(self, now: float) -> list[str]:
@@ -188,7 +186,7 @@ def status(
 
 
 def recording(name: str, found: Checked | None) -> DiagnosticStatus:
-    """What is suspicious of the signals themselves."""
+    """Report suspicious signals."""
     told = DiagnosticStatus(name=f"{name}: recording", level=DiagnosticStatus.OK)
     if found is None:
         told.message = "too little heard yet"
@@ -240,7 +238,6 @@ class Identification(LifecycleNode):
         self.create_timer(PUBLISH, self._tell, clock=steady)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read model and parameters."""
         try:
             options = OnlineOptions(
                 lag=LAG.read(self),
@@ -287,7 +284,6 @@ class Identification(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget the model and what was learned."""
         self._estimator = self._recent = None
         return super().on_cleanup(state)
 

@@ -37,7 +37,6 @@ class Recent:
         _keep(self._pressures, stamp, np.concatenate([chamber_a, chamber_b]))
 
     def forget(self) -> None:
-        """Forget all readings and findings."""
         self._positions.clear()
         self._pressures.clear()
         self._checked, self.found = 0, None

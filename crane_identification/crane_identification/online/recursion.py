@@ -51,7 +51,6 @@ class ResidualCorrelation:
         _accumulate(values, self._past, self._products, self._counts)
 
     def interrupt(self) -> None:
-        """The next row does not follow the last one."""
         self._past[:] = np.nan
 
     def factors(self) -> np.ndarray:
@@ -128,7 +127,7 @@ class Recursion:
 
     @property
     def well_posed(self) -> bool:
-        """Whether there are more rows than parameters."""
+        """Return whether there are more rows than parameters."""
         return self.samples > self._factor.shape[1] - 1
 
     def solve(self, correlation: np.ndarray | None = None) -> Solution:
@@ -176,7 +175,7 @@ class Recursion:
         return np.linalg.norm(self._factor @ seen, axis=1) / np.sqrt(np.maximum(self._count, 1e-9))
 
     def _lost(self, bread: np.ndarray, meat: np.ndarray, power: np.ndarray) -> float:
-        """What the residuals are smaller than the noise, as parameters were fitted to them."""
+        """Power by which residuals are below the noise because parameters were fitted to them."""
         total = float(power @ self._count)
         explained = float(np.trace(bread @ meat))
         parameters = int(np.count_nonzero(np.diag(bread)))

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
@@ -46,9 +45,7 @@ class BackgroundTask(Generic[T]):
         sender.close()
 
     def result(self, progress: Progress) -> T:
-        """Wait for what the function returns; raises the `CraneError` that it raises, and one if
-        its process dies.
-        """
+        """Wait for the function's result; raises its `CraneError`, or one if the process dies."""
         while not self._receiver.poll(POLL_S):
             progress(self._name, self._share.value)
         try:
@@ -67,12 +64,7 @@ class BackgroundTask(Generic[T]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._process.terminate()
         self._process.join()
 
@@ -201,8 +193,7 @@ def _feed(estimator: OnlineEstimator, log: Log) -> Iterator[list[Forces]]:
 def _driving(
     estimator: OnlineEstimator, log: Log
 ) -> tuple[Signal, Callable[[int, int], list[Forces]]]:
-    """What drives the joints: forces where they are logged, as in the fit, else pressures; and how
-    sample k of it is fed."""
+    """Logged forces, as in the fit, else pressures; and the function that feeds sample k."""
     force, chamber_a, chamber_b = log.force, log.pressure_a, log.pressure_b
     if force is not None:
         return force, lambda stamp, k: estimator.add_force(stamp, force.value[k])

@@ -35,7 +35,7 @@ CAPACITY = 2000  # samples of each stream that may wait for the other one: 10 s 
 
 
 class Smoothed(NamedTuple):
-    """What S gives at one instant `stamp` [ns] of the uninterrupted stretch number `run`.
+    """Output of S at one instant `stamp` [ns] of the uninterrupted stretch number `run`.
 
     `position`, `velocity`, `acceleration` (j,) in rad or m, per s, per s²; `carried` (c,) are the
     other signals; `velocity_gain` [1/s] is the standard deviation of the velocity per unit standard
@@ -177,7 +177,7 @@ def _convolve(
 
 # Matching of two streams by time stamp: pressures interpolated to the stamps of the encoders.
 #
-# Where forces are measured, they take the place of the pressures.
+# Measured forces take the place of the pressures.
 
 
 class Matched(NamedTuple):
@@ -292,7 +292,7 @@ class Gathering:
         self._stages = [Matcher(largest_gap) for _ in self.topics[1:]]
 
     def add(self, topic: str, stamp: int, message: Any) -> list[Gathered]:
-        """What a message of one of the topics completes; `ValueError` if a field is missing."""
+        """Add a message and return the completed sample; `ValueError` if a field is missing."""
         place = self.topics.index(topic)
         numbers = np.array(
             [

@@ -1,4 +1,4 @@
-"""Where, and with which period, a motion repeats itself: a reference, or measured positions."""
+"""Periods of a motion: of a reference, or of measured positions."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -78,7 +78,7 @@ class Repetition:
 
     @classmethod
     def of(cls, time: np.ndarray, position: np.ndarray) -> Self:
-        """Of positions (n, j) at times (n,) [s]; `DataError` if nothing moves."""
+        """Find the period of positions (n, j) at times (n,) [s]; `DataError` if nothing moves."""
         steps = max(round((time[-1] - time[0]) / float(np.median(np.diff(time)))), 1)
         uniform, step = np.linspace(time[0], time[-1], steps + 1, retstep=True)
         ranges = np.ptp(position, axis=0)
@@ -98,7 +98,7 @@ class Repetition:
 
     @cached_property
     def _sums(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the first 0, 1, ... n samples (n + 1, j), and of their squares (n + 1,)."""
+        """Sums of the first 0, 1, ... n samples (n + 1, j), and of their squares (n + 1,)."""
         zero = np.zeros((1, self.signal.shape[1]))
         squares = (self.signal**2).sum(axis=1)
         return (
@@ -197,8 +197,7 @@ def agreement(motion: Repetition, lag: float, known: bool = False) -> Agreement 
 
 
 def distance(motion: Repetition, lag: float) -> np.ndarray:
-    """Rms of the difference over all joints and the recorded samples of a window around every
-    sample; 0 where none of it was recorded."""
+    """Rms of the difference around every sample; 0 where none of it was recorded."""
     recorded = motion.recorded
     power = (_repeated_difference(motion.signal, lag) ** 2).sum(axis=1)
     n, whole = len(power), int(lag)
@@ -259,7 +258,7 @@ def _repeated_difference(signal: np.ndarray, lag: float) -> np.ndarray:
 
 
 def _rms(signal: np.ndarray) -> float:
-    """Of a signal (n, j) around its mean, over all joints together."""
+    """RMS of a signal (n, j) around its mean, over all joints together."""
     return float(np.sqrt(signal.var(axis=0).sum()))
 
 
@@ -268,7 +267,6 @@ def _window(lag: float) -> int:
 
 
 def _runs(where: np.ndarray) -> list[tuple[int, int]]:
-    """Begin and end of each run of True."""
     edges = np.flatnonzero(np.diff(where, prepend=False, append=False))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
@@ -358,7 +356,6 @@ def _found(motion: Repetition) -> Periodicity:
 
 
 def _checked(motion: Repetition, period: float) -> Periodicity:
-    """The part that repeats after a given period."""
     lag = period / motion.step
     overlap = motion.samples - 1 - lag
     if overlap < 1.0:
@@ -402,9 +399,7 @@ def _checked(motion: Repetition, period: float) -> Periodicity:
 
 
 class _Compared(NamedTuple):
-    """A motion with itself later: `lags` (l,) past the first rise, the least difference (l,) at
-    each, and what `one_step` makes.
-    """
+    """A motion against itself: least differences (l,) at `lags` (l,), and that of `one_step`."""
 
     lags: np.ndarray
     difference: np.ndarray

@@ -120,14 +120,14 @@ class Preparation:
 
     @property
     def periodic(self) -> bool:
-        """Whether the record is one whole period, so that it continues over its ends."""
+        """Return whether the record is one whole period, so that it continues over its ends."""
         return self.averaging is not None
 
 
 def signals_of(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """What a record holds besides time and motion, on the given rows; absent where not logged.
+    """Signals of a record besides time and motion, on the given rows; absent if not logged.
 
-    `coordinates` are the joints and, last and where it is logged beside them, the slew joint.
+    `coordinates` are the joints and, if it is logged, the slew joint at the end.
     """
     names = ("position", "force", *RECORD_SIGNALS, *REFERENCE_SIGNALS)
     logged = {name: getattr(samples, name) for name in names}

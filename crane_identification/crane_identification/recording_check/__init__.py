@@ -1,1 +1,1 @@
-"""What looks wrong in a recording before anything is fitted to it."""
+"""Checks of a recording before a fit."""

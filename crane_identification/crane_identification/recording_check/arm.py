@@ -1,4 +1,4 @@
-"""What the forces of any machine say of signs, zeros and units, by its own model or without one."""
+"""Checks of signs, zeros and units by the forces of any machine, with or without its model."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -44,9 +44,7 @@ SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for e
 
 @dataclass(frozen=True)
 class ArmMotion:
-    """Motion and generalized force (n, j) behind one low-pass; `moving` (n, j) where friction has
-    one sign.
-    """
+    """Motion and generalized force (n, j) behind a low-pass; `moving` (n, j): slides one way."""
 
     record: Record
     force: np.ndarray
@@ -149,7 +147,6 @@ class _Fit:
         )
 
     def basis(self, record: Record) -> "_Basis":
-        """The columns of a motion."""
         columns = (self.model.regressor(record) / self.scale[:, np.newaxis])[self.used]
         norms = np.linalg.norm(columns, axis=0)
         norms[norms == 0.0] = 1.0
@@ -192,7 +189,7 @@ class _Basis(NamedTuple):
 
 
 def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
-    """What the model of the user cannot explain, and one mistake that would explain it."""
+    """Find forces that the user's model cannot explain, and one mistake that would explain them."""
     fit = _Fit(model, moved)
     basis = fit.basis(moved.record)
     left = basis.left(fit.force)

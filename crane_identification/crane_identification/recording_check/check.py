@@ -35,12 +35,11 @@ def faulty_sensors(model: Model, recordings: Sequence[Path], end: float) -> tupl
 
 
 def check(machine: Machine | None, log: Log, model: Model | None = None) -> Checked:
-    """What looks wrong in a recording, and what could not be looked at.
+    """Check a recording; report findings, and checks that were not possible.
 
-    The forces of a machine that is no crane as of the report are compared with the user's `model`.
-
-    Sensors first, one by one; only if none of them makes every result wrong, forces, which would
-    repeat it in other words. Never raises what the fit will say better.
+    If the machine is not a forwarder crane, its forces are compared with the user's `model`.
+    Sensors are checked first. Forces follow only if no sensor invalidates every result, because
+    they would repeat the finding in other words. Faults that the fit reports better are not raised.
     """
     absent = list(missing(log))
     if any(suspicion.decisive for suspicion in absent):
@@ -75,7 +74,7 @@ def check(machine: Machine | None, log: Log, model: Model | None = None) -> Chec
 def _forces(
     log: Log, machine: Machine | None, model: Model | None
 ) -> tuple[list[Suspicion], tuple[str, ...]]:
-    """What the forces of any machine say, and why nothing could be compared."""
+    """Findings in the forces of any machine, and the reason if none could be compared."""
     lacking = ("forces: no model of this machine is given (--model)",)
     if log.force is None and machine is None:
         return [], lacking
@@ -113,7 +112,7 @@ def vetted(
 
 @contextmanager
 def blaming(suspicions: Sequence[str]) -> Iterator[None]:
-    """What fails on suspicious recordings fails with what is suspicious of them."""
+    """Add the suspicions to an error that a suspicious recording raises."""
     try:
         yield
     except DataError as error:

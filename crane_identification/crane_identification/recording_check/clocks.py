@@ -50,14 +50,13 @@ class Lag(NamedTuple):
 
     @property
     def drifts(self) -> bool:
-        """Whether the clocks run apart."""
         return abs(self.drift) > DRIFT and abs(self.drift) * self.seconds > LEAST_DRIFT
 
 
 def clocks(log: Log) -> Iterator[Suspicion]:
-    """What is suspicious of the stamps of a bag's topics.
+    """Find faults in the stamps of a bag's topics.
 
-    A topic may be received late, but not later and later: a drift is one of clocks.
+    A topic may be received late, but not later and later: a drift comes from the clocks.
     """
     yield from _set_back(log)
     states = _lag(log.position)
@@ -183,7 +182,7 @@ def _gaps(signal: Signal) -> Iterator[Suspicion]:
 
 
 def sampling(log: Log) -> Iterator[Suspicion]:
-    """What is suspicious of the rates of a crane's signals."""
+    """Find faults in the rates of a crane's signals."""
     force = log.force or log.pressure_a
     for signal in (log.position, force):
         if signal is not None and (rate := sampling_rate(signal.time)) < SLOWEST:
@@ -219,7 +218,7 @@ def _held(signal: Signal, joints: tuple[str, ...]) -> Iterator[Suspicion]:
 
 
 def positions(machine: Machine, log: Log) -> Iterator[Suspicion]:
-    """What is suspicious of the encoders of the machine's joints."""
+    """Find faults in the encoders of the machine's joints."""
     ranges = {}
     for joint, column in zip(log.joints, log.position.value.T, strict=True):
         if joint in machine.limits:
@@ -238,7 +237,7 @@ def _range(value: np.ndarray) -> np.ndarray:
 
 
 def _fits(machine: Machine, joint: str, values: np.ndarray) -> bool:
-    """Whether lowest and highest of `values` lie within Table 2."""
+    """Return whether the lowest and highest of `values` lie within Table 2."""
     limits = machine.limits[joint]
     margin = OUTSIDE * (limits.position_max - limits.position_min)
     return bool(

@@ -71,7 +71,6 @@ class Grid:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the columns."""
         return self.record.joints
 
     @cached_property
@@ -226,7 +225,7 @@ class Equations:
 
 
 def equations(model: Model, whole: Grid, inside: slice = slice(None)) -> Equations:
-    """Of the samples `inside`; `RangeError` where the linkages cannot be assembled."""
+    """Equations of the samples `inside`; `RangeError` if the linkages cannot be assembled."""
     used = np.zeros_like(whole.moving)
     used[inside] = whole.moving[inside]
     force = whole.generalized(whole.pistons)
@@ -242,7 +241,7 @@ def equations(model: Model, whole: Grid, inside: slice = slice(None)) -> Equatio
 
 
 def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[Suspicion]:
-    """What is suspicious of identified `values` (p,) with their standard deviations (p,)."""
+    """Find implausible `values` (p,), given their standard deviations (p,)."""
     assert model.machine is not None
     plausible = model.machine.plausible
     wrong, ratios = [], []
@@ -279,9 +278,7 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
 
 @dataclass(frozen=True)
 class Repair:
-    """`where` it changes a recording, and `what` it does; `joint` names the one whose chambers
-    are exchanged.
-    """
+    """Change of a recording: `where` and `what`; `joint` is the one with exchanged chambers."""
 
     where: str
     what: str
@@ -362,7 +359,7 @@ class Delay:
 
 
 class _Scan:
-    """What is unexplained of the force at any delay: the motion stays, the force is shifted."""
+    """Unexplained force at each delay of the force against the motion."""
 
     def __init__(self, model: Model, whole: Grid) -> None:
         margin = round(LONGEST_DELAY / whole.step) + 1

@@ -51,9 +51,7 @@ WINDOW_NOISE_PA = 4e3  # Pa, noise of a window, whatever a scale allows for
 
 @dataclass(frozen=True)
 class Leftover:
-    """Of a recording in windows: their `time` (w,) [s], what the model leaves (w, j), what 1 kg
-    pulls (w, j) [1/kg].
-    """
+    """Windows of a recording: `time` (w,) [s], model error (w, j), force of 1 kg (w, j) [1/kg]."""
 
     time: np.ndarray
     left: np.ndarray
@@ -66,7 +64,7 @@ class Leftover:
 
     @classmethod
     def of_runs(cls, model: Model, runs: Sequence[Preparation]) -> Self:
-        """Of a recording that is prepared, without averaging."""
+        """Windows of a prepared recording, without averaging."""
         parts = [_left_and_pull(model, run) for run in runs]
         return cls(*(np.concatenate(parts_of_field) for parts_of_field in zip(*parts, strict=True)))
 
@@ -126,9 +124,7 @@ class Leftover:
 
 
 def _left_and_pull(model: Model, run: Preparation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time (w,) [s], and in windows (w, j) what the model leaves and what 1 kg asks, over the
-    rms of each joint's force.
-    """
+    """Time (w,) [s], model error and force of 1 kg (w, j), over the rms of each force."""
     record = run.record
     force = record.needed("force", "the check of loads")
     unit = np.sqrt((force**2).mean(axis=0))
@@ -144,7 +140,7 @@ def _left_and_pull(model: Model, run: Preparation) -> tuple[np.ndarray, np.ndarr
 
 
 class PayloadPart(NamedTuple):
-    """What hung at the tip in a part of a recording, between changes."""
+    """Payload in a part of a recording, between changes."""
 
     begin: float  # s; -inf: from the beginning of the recording
     deviation: float  # kg, standard deviation
@@ -152,13 +148,10 @@ class PayloadPart(NamedTuple):
 
     @property
     def mass(self) -> float:
-        """Of the part [kg]: the median of its weighings. Where these differ for want of a model,
-        their deviations do not tell which is right.
-        """
+        """Mass of the part [kg]: the median of its estimates, whatever their deviations."""
         return median(self.masses)
 
     def differs(self, previous: "PayloadPart") -> bool:
-        """Whether it is surely another load."""
         return abs(self.mass - previous.mass) > max(LIGHTEST, SURE * self._apart(previous))
 
     def beyond(self, previous: "PayloadPart") -> str:
@@ -171,9 +164,7 @@ class PayloadPart(NamedTuple):
 
 
 def doubt_of(model: Model) -> ModelDoubt:
-    """Of a model that may lack an effect which is still to be found, as friction that is built up
-    along a way since a reversal: else it is taken for loads that come and go.
-    """
+    """Doubt about a model that lacks an effect: it would be taken for changing loads."""
     doubt = ModelDoubt.of(model)
     return doubt._replace(
         dry=FRICTION * doubt.dry, viscous=FRICTION * doubt.viscous, sensors=WINDOW_NOISE_PA
@@ -235,7 +226,6 @@ def _of_loads(parts: Sequence[PayloadPart], leftover: Leftover) -> list[PayloadP
 
 
 def _as_one(parts: Sequence[PayloadPart]) -> PayloadPart:
-    """All of the parts."""
     masses = tuple(mass for part in parts for mass in part.masses)
     deviation = min(part.deviation for part in parts)
     return PayloadPart(parts[0].begin, deviation, masses)
@@ -279,7 +269,7 @@ def split_by_load(
 
 
 def _may_change(model: Model, log: Log, options: Options, runs: Sequence[Preparation]) -> bool:
-    """Whether loads that change may explain enough of what the model leaves."""
+    """Return whether changing loads may explain enough of the model error."""
     try:
         known = Leftover.of_runs(model, runs) if runs else Leftover.of(model, log, options)
     except (ConfigurationError, DataError):
@@ -314,7 +304,7 @@ def loads_in_words(model: Model, logs: Sequence[Log], options: Options) -> tuple
 
 
 def _piece(log: Log, begin: float, end: float) -> Log:
-    """What was recorded from `begin` to `end` [s], its time from its own first position."""
+    """Part of a log from `begin` to `end` [s], with time from its own first position."""
     part = log.during(max(begin, 0.0), end)
     zero = float(part.position.time[0])
     moved: dict[str, Any] = {}
@@ -334,7 +324,6 @@ def _changes(parts: Sequence[PayloadPart]) -> list[str]:
 
 
 def _weighings(scale: PayloadEstimator, log: Log) -> list[PayloadEstimate]:
-    """Of a whole log."""
     assert log.pressure_a is not None and log.pressure_b is not None
     position, a, b = log.position, log.pressure_a, log.pressure_b
     chambers = np.concatenate([a.value, b.value], axis=1)

@@ -1,4 +1,4 @@
-"""What looks wrong in a recording, and what could not be looked at."""
+"""Findings of a check of a recording."""
 
 import math
 from dataclasses import dataclass
@@ -101,7 +101,7 @@ UNMOVED = 0.1  # of the piston's flow unexplained by its command, which leaves 1
 
 
 class RecordingVerdict(StrEnum):
-    """What a recording looks like: right only if all was checked, and nothing was found."""
+    """Verdict on a recording: right only if all was checked, and nothing was found."""
 
     RIGHT = "right"
     DOUBTFUL = "doubtful"
@@ -125,9 +125,9 @@ class Suspicion:
 
 @dataclass(frozen=True)
 class Checked:
-    """What a check found in the recording `source`, and what was `unchecked`, with the reason.
+    """Result of the check of the recording `source`, with the reasons of `unchecked` parts.
 
-    `notes` say what was repaired when the recording was read.
+    `notes` list repairs made when the recording was read.
     """
 
     source: str
@@ -137,12 +137,10 @@ class Checked:
 
     @property
     def decisive(self) -> tuple[Suspicion, ...]:
-        """Those that make every result wrong."""
         return tuple(suspicion for suspicion in self.suspicions if suspicion.decisive)
 
     @property
     def verdict(self) -> RecordingVerdict:
-        """What the recording looks like."""
         if self.decisive:
             return RecordingVerdict.WRONG
         return (

@@ -49,7 +49,7 @@ MOST = (10, 90)  # percentiles between which a change counts
 
 
 def pressures(machine: Machine, log: Log) -> Iterator[Suspicion]:
-    """What is suspicious of the transducers of the machine's cylinders, supply and tank."""
+    """Find faults in the transducers of the machine's cylinders, supply and tank."""
     if log.pressure_a is not None and log.pressure_b is not None:
         for j, joint in enumerate(log.joints):
             if joint in machine.cylinders:
@@ -216,7 +216,7 @@ def _encoders(log: Log) -> Iterator[Suspicion]:
 
 
 def _asked(log: Log, j: int) -> Iterator[str]:
-    """What says that joint j was to move, or did."""
+    """Evidence that joint j moved, or was commanded to."""
     if log.reference_position is not None:
         way = float(np.nan_to_num(np.ptp(log.reference_position.value[:, j])))
         if way > ASKED_WAY:
@@ -247,7 +247,7 @@ def _edges(value: np.ndarray) -> np.ndarray:
 
 
 def _plateaus(column: _Column) -> np.ndarray:
-    """Of each plateau, whether the joint moves for suspiciously long while it lasts."""
+    """For each plateau, return whether the joint moves for suspiciously long during it."""
     moved = np.add.reduceat(column.moves, _edges(column.value))  # samples in motion
     if not moved.any():
         return np.zeros(len(moved), dtype=bool)
@@ -258,11 +258,11 @@ def _plateaus(column: _Column) -> np.ndarray:
 
 
 def _unexpected(log: Log, signal: Signal, j: int, column: _Column, long: np.ndarray) -> np.ndarray:
-    """Of each plateau, whether the other sensors expect a change of more than a step in it.
+    """For each plateau, return whether the other sensors predict a change of more than a step.
 
-    They do so by a linear relation, learnt where readings do not stay: positions, velocities, and
-    all other forces or pressures. If nothing can be learnt, a plateau is suspicious if it fills
-    most of the motion.
+    They do so by a linear relation, learnt outside plateaus: positions, velocities, and all other
+    forces or pressures. If nothing can be learnt, a plateau is suspicious if it fills most of the
+    motion.
     """
     edges = _edges(column.value)
     ends = [*edges[1:], len(column.value)]

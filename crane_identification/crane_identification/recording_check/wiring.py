@@ -1,4 +1,4 @@
-"""What the forces say of wiring, names, signs and clocks."""
+"""Checks of wiring, names, signs and clocks by the forces."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -84,7 +84,7 @@ class FlowFit(NamedTuple):
 
 
 def commands(whole: Grid) -> Iterator[Suspicion]:
-    """What is suspicious of the valve commands; they matter for the flow balance alone."""
+    """Find faults in the valve commands; they matter for the flow balance alone."""
     for j, joint in enumerate(whole.joints):
         by_itself = fit(whole, j, j)
         by_others = {k: fit(whole, j, k) for k in range(len(whole.joints)) if k != j}

@@ -1,4 +1,4 @@
-"""What the page and the summary of an identification are made of."""
+"""Content of the page and the summary of an identification."""
 
 import platform
 import shlex
@@ -179,7 +179,7 @@ def _factor(validation: Validation) -> int:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a result comes from; `date` as it is to be printed."""
+    """Sources of a result; `date` as it is to be printed."""
 
     date: str
     command: str
@@ -230,7 +230,6 @@ class IdentificationReport:
 
     @cached_property
     def compared(self) -> tuple[Validation, ...]:
-        """What the model predicts on the training recordings."""
         fit = self.fit
         return tuple(compare(fit.model, p, fit.decimation) for p in fit.preparations)
 

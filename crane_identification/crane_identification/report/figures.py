@@ -1,6 +1,4 @@
-"""The figures of the report: its Figs. 8 to 13, and motion from commands, one per joint of each
-recording.
-"""
+"""Figures of the report: its Figs. 8 to 13, and motion from commands, one per joint each."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -107,12 +105,7 @@ def validation_figures(model: Model, validation: Validation, key: str) -> list[F
     for j, joint in enumerate(model.joints):
         force_unit = unit(model.setting.force_unit(joint))
         time = validation.time
-        measured, predicted = validation.measured[:, j], validation.predicted[:, j]
-        curves = [
-            Curve("measured", MEASURED, time, measured, 1.8),
-            Curve("model", MODEL, time, predicted, 1.2),
-        ]
-        residual = [Curve("measured − model", MEASURED, time, measured - predicted)]
+        curves, residual = _compared(time, validation.measured[:, j], validation.predicted[:, j])
         panels = [
             Panel(FORCE, force_unit, curves, height=190),
             Panel(
@@ -134,18 +127,24 @@ def commanded_figures(model: Model, course: CommandedCourse, key: str) -> list[F
     figures = []
     for j, joint in enumerate(model.joints):
         coordinate, time = model.setting.units[joint], course.time
-        measured, simulated = course.measured[:, j], course.simulated[:, j]
-        curves = [
-            Curve("measured", MEASURED, time, measured, 1.8),
-            Curve("model", MODEL, time, simulated, 1.2),
-        ]
-        left = [Curve("measured − model", MEASURED, time, measured - simulated)]
+        curves, residual = _compared(time, course.measured[:, j], course.simulated[:, j])
         panels = [
             Panel(POSITION, coordinate, curves, height=190),
-            Panel("q − q<sub>model</sub>", coordinate, left, height=100),
+            Panel("q − q<sub>model</sub>", coordinate, residual, height=100),
         ]
         figures.append(Figure(f"{key}-{joint}", spoken(joint), panels))
     return figures
+
+
+def _compared(
+    time: np.ndarray, measured: np.ndarray, predicted: np.ndarray
+) -> tuple[list[Curve], list[Curve]]:
+    """Curves of both, and of their difference."""
+    curves = [
+        Curve("measured", MEASURED, time, measured, 1.8),
+        Curve("model", MODEL, time, predicted, 1.2),
+    ]
+    return curves, [Curve("measured − model", MEASURED, time, measured - predicted)]
 
 
 def _overlaid(
@@ -307,7 +306,7 @@ def recursive_groups(report: IdentificationReport) -> list[RecursiveGroup]:
 
 
 def recursive_errors(report: IdentificationReport) -> list[RecursiveError]:
-    """Of each joint; none without recursion or validation."""
+    """Recursive errors of each joint; none without recursion or validation."""
     recursive, fitted = report.recursive_held_out, report.held_out
     if recursive is None or fitted is None:
         return []

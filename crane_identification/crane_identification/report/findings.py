@@ -1,4 +1,4 @@
-"""What a reader must know before trusting a fit, in sentences."""
+"""Sentences that a reader must know before trusting a fit."""
 
 from collections.abc import Sequence
 

@@ -101,7 +101,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Figure:
-    """What one `div` of the page shows; `key` is its id, `joint` its caption."""
+    """Content of one `div` of the page; `key` is its id, `joint` its caption."""
 
     key: str
     joint: str
@@ -110,12 +110,11 @@ class Figure:
 
     @property
     def height(self) -> int:
-        """Of all panels with their titles [px]."""
+        """Height of all panels with their titles [px]."""
         return sum(panel.height + _TITLE_HEIGHT for panel in self.panels) + _AXIS_HEIGHT
 
     @property
     def words(self) -> str:
-        """What is drawn, for those who do not see it."""
         names = dict.fromkeys(f"{panel.symbol} in {panel.unit}" for panel in self.panels)
         curves = dict.fromkeys(c.name for panel in self.panels for c in panel.curves)
         seconds = max(float(c.time[-1]) for panel in self.panels for c in panel.curves)
@@ -282,7 +281,7 @@ def _rounded(values: np.ndarray, seen: float | None = None) -> list[float | None
 
 
 class PageLink(NamedTuple):
-    """What is clicked, and where it leads."""
+    """A link of the page, and its target."""
 
     text: str
     address: str

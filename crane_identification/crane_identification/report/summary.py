@@ -63,7 +63,7 @@ class RecursiveSummary(ResultPart):
 
 
 class LackOfFitSummary(ResultPart):
-    """What the model leaves of the training recordings, beside noise."""
+    """Model error on the training recordings, and their noise."""
 
     ratio: NumberByJoint
     """Power of the residual over what the noise between periods leaves of it [-]; null where no
@@ -73,22 +73,22 @@ class LackOfFitSummary(ResultPart):
 
 
 class Summary(ResultFile):
-    """What `identify` found. Errors are over all samples of all recordings of their kind; those of
+    """Result of `identify`. Errors are over all samples of all recordings of their kind; those of
     held-out recordings are empty without validation.
     """
 
     model: str
     """Name of the model."""
     date: str
-    """Of the fit, UTC."""
+    """Date of the fit, UTC."""
     estimator: str
     """`--estimator`."""
     method: str
-    """What was done, in words."""
+    """Method of the fit, in words."""
     bounds: list[str]
     """Physical constraints that hold the values back."""
     parameters: list[ParameterSummary]
-    """Of the model, in its order."""
+    """Parameters in the order of the model."""
     heldout_relative_error: NumberByJoint
     """‖τ - τ̂‖/‖τ‖ on the validation recordings [-]."""
     heldout_relative_error_moving: NumberByJoint
@@ -102,19 +102,19 @@ class Summary(ResultFile):
     friction_share: NumberByJoint
     """‖friction‖/‖τ‖ of the training recordings, by the fitted model [-]."""
     lack_of_fit: LackOfFitSummary
-    """Of the training recordings."""
+    """Lack of fit on the training recordings."""
     simulated_motion: MotionSummary | None
-    """Of the validation recordings; null without them."""
+    """Simulated motion of the validation recordings; null without them."""
     simulated_from_commands: list[CommandedSummary]
     """The same from valve commands alone; empty where hydraulics or commands are not known."""
     recursive: RecursiveSummary | None
     """Null unless it was asked for (`--recursive`)."""
     hydraulics: list[ParameterSummary]
-    """Of valves and oil, as `dead_band_a.boom`; empty where no command or pressure was logged."""
+    """Values of valves and oil, as `dead_band_a.boom`; empty without commands or pressures."""
     condition_number: Number
-    """Of all columns in SI units [-]; null: the columns are dependent."""
+    """Condition number of all columns in SI units [-]; null: the columns are dependent."""
     condition_number_normalized: Number
-    """Of the same columns scaled to norm 1 [-]."""
+    """Condition number of the same columns scaled to norm 1 [-]."""
     training_bags: list[str]
     """Recordings that the model was fitted to."""
     validation_bags: list[str]
@@ -126,14 +126,14 @@ class Summary(ResultFile):
 
 
 class ClusterSummary(ResultFile):
-    """What `identify --stream` or `--cluster` found: what is known without all rows."""
+    """Result of `identify --stream` or `--cluster`: values known without all rows."""
 
     model: str
     """Name of the model."""
     method: str
-    """What was done, in words."""
+    """Method of the fit, in words."""
     parameters: list[ParameterSummary]
-    """Of the model, in its order."""
+    """Parameters in the order of the model."""
     heldout_relative_error: NumberByJoint
     """‖τ - τ̂‖/‖τ‖ on the validation recordings [-]."""
     heldout_relative_error_without_gravity: NumberByJoint

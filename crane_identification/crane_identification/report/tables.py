@@ -174,9 +174,7 @@ def _arrow(sigmas: float, y: float) -> Markup:
 
 
 class HydraulicRow(NamedTuple):
-    """A value; `note` says how it is known if no recording tells it. An unknown `true_value` is a
-    dash.
-    """
+    """A value; `note`: its source without a recording. An unknown `true_value` is a dash."""
 
     name: str
     meaning: str

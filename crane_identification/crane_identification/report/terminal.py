@@ -1,4 +1,4 @@
-"""What command lines print: tables, estimates in their cells, and what a fit has found."""
+"""Terminal output: tables, estimates in their cells, and the results of a fit."""
 
 import math
 import sys
@@ -42,7 +42,7 @@ def estimate(value: float, std_dev: float, true: float) -> tuple[str, str]:
 
 
 def parameters(report: IdentificationReport) -> Table:
-    """What was estimated, in the order of the model."""
+    """Estimates in the order of the model."""
     result = plain_table()
     result.add_column("parameter", no_wrap=True)
     for heading in ("estimate", "± σ", "σ relative"):

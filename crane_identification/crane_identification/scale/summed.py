@@ -57,7 +57,6 @@ class Information:
 
     @classmethod
     def of(cls, rows: Rows) -> Self:
-        """That of the used rows."""
         values = np.concatenate([rows.matrix, rows.force[:, :, np.newaxis]], axis=2)
         values[~rows.used] = 0.0
         matrix = np.stack([values[:, j].T @ values[:, j] for j in range(len(rows.joints))])
@@ -152,7 +151,7 @@ def _root(matrix: np.ndarray) -> np.ndarray:
         return cholesky(matrix + RESOLVED * len(matrix) * np.eye(len(matrix)))
 
 
-# What a fit by sums of information matrices makes of one recording, where that can be read.
+# Result of a fit by sums of information matrices, if the recording can be read.
 
 
 def read(path: Path, model: Model, columns: ColumnMap | None, options: Options) -> Log:
@@ -175,9 +174,7 @@ def rows_of(preparations: Sequence[Preparation], model: Model, factor: int) -> R
 
 @dataclass(frozen=True)
 class SummedFit:
-    """The `model` with its values, from the `information` of all recordings, and the `suspicions`
-    about them.
-    """
+    """The `model` from the `information` of all recordings, and the `suspicions` about them."""
 
     model: Model
     information: Information
@@ -187,9 +184,7 @@ class SummedFit:
 
 @dataclass(frozen=True)
 class FirstRound:
-    """After the first round: the `information` of so many `recordings`, `weights` (j,) that balance
-    the joints, and the `solution`.
-    """
+    """First round: `information`, `recordings`, `weights` (j,) of joints, and `solution`."""
 
     information: Information
     recordings: int
@@ -232,7 +227,7 @@ class FirstRound:
 
 
 class _Told(NamedTuple):
-    """What is kept of a recording: decimated by `factor`."""
+    """Data kept of a recording: decimated by `factor`."""
 
     information: Information
     factor: int

@@ -13,7 +13,7 @@ from crane_model.errors import DataError, NoMotionError
 
 CHEBYSHEV_ORDER = 8
 RIPPLE_DB = 0.05  # dB
-# Of half the sampling rate after decimation; these three as MATLAB's decimate
+# Share of half the sampling rate after decimation; these three as MATLAB's decimate
 PASS_BAND_SHARE = 0.8
 FILTER_PADDING = 3 * CHEBYSHEV_ORDER
 KEPT_SHARE = 0.2  # of the bandwidth of the motion
@@ -67,7 +67,6 @@ def filtered_noise(factor: int) -> np.ndarray:
 
 @cache
 def _low_pass(factor: int) -> np.ndarray:
-    """Sections of the filter."""
     return signal.cheby1(CHEBYSHEV_ORDER, RIPPLE_DB, PASS_BAND_SHARE / factor, output="sos")
 
 

@@ -95,7 +95,7 @@ def _smallest_step(readings: np.ndarray) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
-# What estimators of motion leave of a signal, so that others can be seen as they see theirs.
+# Effect of the estimators of motion on a signal, to filter other signals in the same way.
 
 
 def smoothed_alike(

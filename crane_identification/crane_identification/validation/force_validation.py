@@ -179,9 +179,7 @@ def undetermined(rows: Rows, trained: np.ndarray, preparations: Sequence[Prepara
 
 
 def left_out(rows: Rows) -> np.ndarray:
-    """Error of each joint (j,) relative to its force, each part predicted by the others; NaN where
-    the others have too few rows.
-    """
+    """Error (j,) over the force, each part predicted by the others; NaN with too few rows."""
     weights = balancing(rows)
     part = np.empty(len(rows.run), dtype=int)
     for run in np.unique(rows.run):

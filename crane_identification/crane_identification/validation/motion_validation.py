@@ -273,7 +273,7 @@ def _ahead(model: Model, runs: Sequence[CommandedRun], horizon: float) -> Comman
 
 
 def _course(run: CommandedRun, at: np.ndarray, position: np.ndarray) -> CommandedCourse:
-    """Of positions (T, N, j) at the samples (T, N) of the run."""
+    """Course of positions (T, N, j) at the samples (T, N) of the run."""
     order, joints = at.T.ravel(), position.shape[2]
     simulated = position.copy()
     simulated[-1] = np.nan
@@ -286,7 +286,7 @@ def _course(run: CommandedRun, at: np.ndarray, position: np.ndarray) -> Commande
 
 
 def _starts(run: CommandedRun, samples: int) -> np.ndarray:
-    """Where consecutive windows begin, in which the commands of all joints are known."""
+    """Starts of consecutive windows in which the commands of all joints are known."""
     starts = np.arange(0, len(run.record) - samples, samples)
     command = run.record.command
     assert command is not None  # of `_complete`

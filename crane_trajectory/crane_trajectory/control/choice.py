@@ -25,7 +25,7 @@ from crane_trajectory.control.valves_and_oil import identified
 
 
 class ModelLaw(NamedTuple):
-    """What a control law makes of the model, as `FlowFeedforward` has it."""
+    """Control law that uses the model, as `FlowFeedforward` does."""
 
     pressures: bool = True
     adaptive: bool = False
@@ -130,7 +130,6 @@ class Learning(WrappedController):
         return super().command(dt, reading, wanted)
 
     def _learn(self) -> None:
-        """From the period that has ended."""
         known = np.isfinite(self._errors).all(axis=1)
         if known.mean() < 1.0 - MOST_MISSING:
             self._errors[:] = np.nan
@@ -184,7 +183,7 @@ class SideBySide:
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:
-        """Of each joint, after the last command."""
+        """Conditions of each joint, after the last command."""
         found = list(self._rest.conditions)
         for column, condition in zip(self.led.columns, self.led.conditions, strict=True):
             found[column] = condition
@@ -192,11 +191,7 @@ class SideBySide:
 
 
 def controller(
-    name: str,
-    machine: Machine,
-    gains: GainArrays,
-    model: Model | None = None,
-    scale: float = 1.0,
+    name: str, machine: Machine, gains: GainArrays, model: Model | None = None, scale: float = 1.0
 ) -> Controller:
     """The controller called `name`; `gains` are those of (36), `scale` that of all others.
 
@@ -279,7 +274,7 @@ def learnt_hydraulics(known: HydraulicValues, led: FlowFeedforward) -> Hydraulic
 
 
 def in_words(led: FlowFeedforward) -> Iterator[tuple[str, str]]:
-    """What was learnt, and its value, of every joint and direction."""
+    """Learnt quantity and its value, of every joint and direction."""
     for joint, learnt in zip(led.joints, led.memory.learnt, strict=True):
         for direction, record in zip(DIRECTIONS, learnt, strict=True):
             dead_band, std_dev = record["dead_band"], np.sqrt(record["covariance"][0, 0])

@@ -43,7 +43,7 @@ MODEL_TOLERANCE_SHARE = (
 
 
 class SensorReading(NamedTuple):
-    """What the sensors of j joints show, (j,) each [SI]; NaN where nothing is measured."""
+    """Readings of the sensors of j joints, (j,) each [SI]; NaN if not measured."""
 
     position: np.ndarray  # rad, m
     velocity: np.ndarray  # rad/s, m/s
@@ -53,7 +53,7 @@ class SensorReading(NamedTuple):
 
 
 class ChamberPressures(NamedTuple):
-    """What transducers show of j joints [Pa]; NaN where nothing is measured."""
+    """Readings of the transducers of j joints [Pa]; NaN if not measured."""
 
     a: np.ndarray  # (j,)
     b: np.ndarray
@@ -98,12 +98,11 @@ class ControlCondition(IntEnum):
 
     @property
     def text(self) -> str:
-        """The condition in words."""
         return WORDS[self]
 
     @property
     def stops(self) -> bool:
-        """Whether the controller leads the command to zero and keeps it there until `start`."""
+        """Return whether the controller leads the command to zero until `start`."""
         return self >= ControlCondition.NOT_INITIALISED
 
 
@@ -158,7 +157,7 @@ class Controller(Protocol):
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:
-        """Of each joint, after the last command."""
+        """Conditions of each joint, after the last command."""
 
 
 class WrappedController:
@@ -179,11 +178,9 @@ class WrappedController:
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:
-        """As the inner one has them."""
         return self.inner.conditions
 
     def start(self, command: np.ndarray) -> None:
-        """As the inner one."""
         self.inner.start(command)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
@@ -333,9 +330,7 @@ def compile_command(gains: GainArrays) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """What may be changed while the crane moves: gains of (36), largest command (0, 1], tracking
-    tolerance (j,) [rad, m].
-    """
+    """Gains of (36), largest command (0, 1], tracking tolerance (j,) [rad, m]; changeable."""
 
     gains: GainArrays
     saturation: float
@@ -361,13 +356,12 @@ class Blend:
         self._old, self._new, self._share = self.now, tuning, 0.0
 
     def advance(self, dt: float) -> Tuning:
-        """What holds `dt` [s] later."""
+        """State `dt` [s] later."""
         self._share = min(1.0, self._share + dt / BLEND)
         return self.now
 
     @property
     def now(self) -> Tuning:
-        """What holds now."""
         old, new, share = self._old, self._new, self._share
         if share == 1.0:
             return new
@@ -412,7 +406,7 @@ class PdDeadBand:
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:
-        """Of each joint, after the last command."""
+        """Conditions of each joint, after the last command."""
         return conditions(self._codes)
 
 

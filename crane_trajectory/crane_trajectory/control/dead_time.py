@@ -85,20 +85,7 @@ class LoopMargins(NamedTuple):
 
 
 def margins(gains: PredictorGains, lag: float) -> LoopMargins:
-    """Margins of the loop, cut at the valve command; the joint integrates `lag` [s] late.
-
-    Parameters
-    ----------
-    gains
-        Of the joint.
-    lag
-        From a command to the reading that shows it [s].
-
-    Returns
-    -------
-    LoopMargins
-        The smallest that any frequency has.
-    """
+    """Smallest margins of the loop, cut at the valve command; the joint is `lag` [s] late."""
     kv, l1, l2 = gains
     s = 1j * FREQUENCIES
     late = np.exp(-lag * s)
@@ -135,21 +122,8 @@ def predictor_gains(lag: float) -> PredictorGains:
 class PredictiveFlow:
     """A `Controller`; see the head of this file.
 
-    Parameters
-    ----------
-    machine
-        The machine.
-    model
-        Its identified model, for the loads of the reference.
-    hydraulics
-        Its identified valves and oil, of all joints; their lags are those of the loop.
-    scale
-        Of kv.
-
-    Raises
-    ------
-    ConfigurationError
-        If the hydraulics lack a joint or a value that is needed.
+    `model` predicts the loads of the reference, `hydraulics` give the lags of the loop, and `scale`
+    multiplies kv. `ConfigurationError` if the hydraulics lack a joint or a value that is needed.
     """
 
     def __init__(
@@ -182,7 +156,6 @@ class PredictiveFlow:
 
     @property
     def margins(self) -> dict[str, LoopMargins]:
-        """Margins of each joint."""
         pairs = zip(self._joints, self.gains, self.lag, strict=True)
         return {joint: margins(gains, float(lag)) for joint, gains, lag in pairs}
 
@@ -217,7 +190,6 @@ class PredictiveFlow:
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:
-        """Condition of each joint after the last command."""
         return conditions(self._codes)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
@@ -279,9 +251,7 @@ class PredictiveFlow:
         return speed
 
     def _way(self, time: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(j,) way of all speeds that were sent until then, at one time or that of each joint [s];
-        and at the end of the last one.
-        """
+        """(j,) displacement of all speeds sent until a time [s]; and at the end of the last."""
         joints = len(self._last)
         if not self._sent:
             return np.zeros(joints), np.zeros(joints)

@@ -142,7 +142,7 @@ class ReferenceLoad:
 
 
 def _follows(term: Term, record: Record, setting: Setting) -> bool:
-    """Whether a term needs no more than the reference: no memory and no other signal."""
+    """Return whether a term needs only the reference: no memory and no other signal."""
     if term.start(record, setting).shape[1]:
         return False
     try:
@@ -153,7 +153,7 @@ def _follows(term: Term, record: Record, setting: Setting) -> bool:
 
 
 class ToldLoad(NamedTuple):
-    """What a payload estimator tells."""
+    """Load told by a payload estimator."""
 
     time: float  # s, of the clock of the readings
     mass: float  # kg
@@ -171,7 +171,6 @@ class FedLoad:
         self.mass = 0.0  # kg
 
     def tell(self, told: ToldLoad) -> None:
-        """The newest."""
         self._told = told
 
     def at(self, time: float) -> float:
@@ -183,7 +182,7 @@ class FedLoad:
         return self.mass
 
     def believed(self, time: float) -> float:
-        """What is told [kg], as far as it counts at a time [s]."""
+        """Load [kg] at a time [s], as far as the estimate counts then."""
         told = self._told
         if told is None or told.condition not in BELIEVED:
             return 0.0
@@ -219,7 +218,6 @@ def cycle(
 
 @njit(cache=True, error_model="numpy")
 def _close(s: np.record, dt: float) -> None:
-    """Bring the command towards zero."""
     s.command = math.copysign(max(abs(s.command) - STOP_RATE * dt, 0.0), s.command)
     s.opening = s.integral = s.bump = 0.0
 
@@ -358,7 +356,8 @@ class FlowFeedforward:
         by_force: bool = False,
         joints: Sequence[str] | None = None,
     ):
-        """Of all joints of the machine, or of `joints` alone, as are `hydraulics` and `gains`.
+        """Make a controller of all joints of the machine, or of `joints`, as are `hydraulics` and
+        `gains`.
 
         `pressures`: whether to use those of the cylinders that have transducers; `by_force`: follow
         a force (computed force) and not the flow.
@@ -423,7 +422,7 @@ class FlowFeedforward:
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:
-        """Of each joint, after the last command."""
+        """Conditions of each joint, after the last command."""
         if not self._started:
             return (ControlCondition.NOT_INITIALISED,) * len(self.memory.state)
         return conditions(self.memory.state["condition"])

@@ -73,7 +73,7 @@ LEARNT = np.dtype(
         ("covariance", float, (3, 3)),  # of d, c_A, c_B
     ]
 )
-"""Of a joint and a direction."""
+"""Learnt values of a joint and a direction."""
 WINDOW = np.dtype(
     [
         ("time", float),  # s
@@ -96,7 +96,7 @@ WATCH = np.dtype(
         ("astray", float),  # s for which it has moved the wrong way
     ]
 )
-"""What tells whether transducers of a joint show the truth and its valve answers."""
+"""Signs of faulty transducers of a joint, or of a valve that does not answer."""
 STATE = np.dtype(
     [
         ("begun", bool),  # whether the first cycle is over
@@ -117,7 +117,7 @@ STATE = np.dtype(
         ("direction", float),  # of the spool
     ]
 )
-"""What a joint remembers from cycle to cycle."""
+"""State of a joint from cycle to cycle."""
 
 
 class ValvesAndOil(NamedTuple):
@@ -183,11 +183,11 @@ def records_of(columns: NamedTuple) -> np.ndarray:
 
 
 def identified(machine: Machine, values: HydraulicValues, joints: Sequence[str]) -> ValvesAndOil:
-    """Of some joints, from what was identified of the machine.
+    """Values of some joints, from the identified machine.
 
     A joint without chamber values has the mean oil of those with some, and dead volumes of a
-    twentieth of its chambers, or of what a turn of a motor takes in. `ConfigurationError` if no
-    joint has any.
+    twentieth of its chambers, or of the displacement of a motor. `ConfigurationError` if no joint
+    has any.
     """
     known_of = {
         joint: {name: value.value for name, value in values.joints[joint].values.items()}
@@ -331,9 +331,7 @@ def against_play(
 
 
 def as_identified(dead_band_extend: np.ndarray, dead_band_retract: np.ndarray) -> np.ndarray:
-    """(j, 2) records LEARNT of what the model says, extending and retracting. The gains of a model
-    are those of the whole stroke.
-    """
+    """(j, 2) records LEARNT of the model, extending and retracting."""
     learnt = np.zeros((len(dead_band_extend), 2), LEARNT)
     learnt["dead_band"] = np.stack([dead_band_extend, dead_band_retract], axis=1)
     learnt["gain"] = 1.0 - learnt["dead_band"][:, :, np.newaxis]
@@ -420,7 +418,7 @@ def _update(learnt: np.ndarray, side: int, y: float, opening: float, edge: int) 
 
 @njit(cache=True, error_model="numpy")
 def at_bound(learnt: np.ndarray) -> bool:
-    """Whether something learnt (2,) lies at its bound; a dead band of 0 does not."""
+    """Return whether a learnt value (2,) lies at its bound; a dead band of 0 does not."""
     for side in range(2):
         if learnt[side].dead_band >= DEAD_BAND_BOUNDS[1]:
             return True
@@ -435,7 +433,7 @@ def transducers_good(
     watch: np.record, area_a: float, area_b: float, supply: float, pressure_a: float,
     pressure_b: float, load: float, moving: bool, dt: float,
 ) -> bool:  # fmt: skip
-    """Whether two readings [Pa] are finite, plausible, alive; `load` [N] is that of the model."""
+    """Return whether two readings [Pa] are finite, plausible, alive; `load` [N] of the model."""
     good = math.isfinite(pressure_a + pressure_b)
     if good:
         known = watch.last_a != 0.0 or watch.last_b != 0.0
@@ -467,7 +465,7 @@ def answer(watch: np.record, opening: float, expected: float, velocity: float, d
 
 
 class CycleSetting(NamedTuple):
-    """What does not change while the controller runs; j joints."""
+    """Constants of a running controller; j joints."""
 
     hydraulics: np.ndarray  # (j,) records of `ValvesAndOil`
     gains: np.ndarray  # (j,) records of `FeedbackGains`
@@ -479,7 +477,7 @@ class CycleSetting(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What changes from cycle to cycle."""
+    """Variables that change from cycle to cycle."""
 
     state: np.ndarray  # (j,) records STATE
     watch: np.ndarray  # (j,) records WATCH
@@ -491,7 +489,7 @@ class Memory(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def before(history: np.ndarray, count: int, cycles: float) -> float:
-    """What was noted `cycles` (whole ones and a share) before the one with the number `count`."""
+    """Note from `cycles` (whole ones and a share) before the one with the number `count`."""
     cycles = min(cycles, float(min(count, HISTORY - 2)))
     whole = int(cycles)
     newer = history[(count - whole) % HISTORY]
@@ -500,7 +498,7 @@ def before(history: np.ndarray, count: int, cycles: float) -> float:
 
 
 class Piston(NamedTuple):
-    """What a cycle knows of a cylinder."""
+    """Values of a cylinder in a cycle."""
 
     force: float  # N, of the model, as it ought to be now
     spool: float  # that is in force now, as far as the lag of loop and valve is known
@@ -567,7 +565,7 @@ def damping(
     setting: CycleSetting, gain: np.record, h: np.record, s: np.record, piston: Piston,
     force: float, lever: float, speed: float, velocity: float, p_a: float, p_b: float, dt: float,
 ) -> float:  # fmt: skip
-    """What n has more than reference, error and load ask for [m/s]: damping, leakage."""
+    """Speed [m/s] in n beyond reference, error and load: damping, leakage."""
     k_a, k_b = piston.stiffness_a, piston.stiffness_b
     if not piston.used:
         return -gain.kp_alone * s.squeezed

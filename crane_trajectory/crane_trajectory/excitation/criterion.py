@@ -192,7 +192,7 @@ def _conditions(name: str, gram: np.ndarray, inertial: np.ndarray) -> dict[str, 
 
 
 class CriterionKind(StrEnum):
-    """What is minimised."""
+    """Criterion to minimise."""
 
     RAW = "raw"  # cond(Phi)
     NORMALISED = "normalised"  # cond(Phi with columns of length 1)
@@ -252,15 +252,15 @@ def log_std_dev(gram: np.ndarray, plausible: np.ndarray) -> CriterionValue:
 
 
 class Criterion(NamedTuple):
-    """What is minimised, of which columns, and what earlier trajectories already tell.
+    """Criterion of some columns, with the information of earlier trajectories.
 
     `plausible` (c,) are values that standard deviations relate to. The rows of joint i count
     `row_weight[i]` (j,) times; `prior` (p, p) is the sum of the weighted Phi^T Phi of `earlier`
     trajectories of a campaign.
 
-    A trajectory of a campaign is judged by all data with it, and as much by its own: together with
-    enough earlier ones, one on which a joint hardly moves looks nearly as good as any other, and
-    identification leaves out what is recorded near standstill.
+    A trajectory of a campaign is judged by all data with it, and as much by its own: with enough
+    earlier trajectories, one on which a joint hardly moves looks nearly as good as any other, and
+    identification leaves out data recorded near standstill.
     """
 
     kind: CriterionKind

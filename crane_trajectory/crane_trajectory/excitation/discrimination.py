@@ -67,7 +67,7 @@ class OpenPair:
     needed_share: float
 
     def separation(self, experiment: PlannedExperiment) -> float:
-        """What an experiment separates them by [σ]."""
+        """Separation by an experiment [σ]."""
         if self.second is None:
             return experiment.shown(self.first)
         return experiment.separation(self.first, self.second)
@@ -81,14 +81,14 @@ class OpenPair:
         return max(self.needed, self.needed_share * experiment.shown(self.first))
 
     def members(self, open_: OpenQuestions) -> tuple[OpenMember, OpenMember | None]:
-        """What they are in the diagnosis; None where it is that nothing is there."""
+        """Members in the diagnosis; None for the hypothesis of no effect."""
         members, (first, second) = open_.questions[self.question].members, self.places
         return members[first], None if second is None else members[second]
 
 
 @dataclass(frozen=True)
 class Machinery:
-    """What a prediction rests on: a model with values for each question, noise a row, and rows."""
+    """Basis of a prediction: a model with values for each question, noise a row, and rows."""
 
     models: tuple[Model, ...]
     noise: np.ndarray
@@ -97,7 +97,6 @@ class Machinery:
     def experiment(
         self, question: int, recordings: Sequence[PlannedRecording]
     ) -> PlannedExperiment:
-        """As the rows of the diagnosis will show it."""
         return PlannedExperiment(self.models[question], recordings, self.noise, self.row_rate)
 
 
@@ -111,9 +110,7 @@ class DrawnMotion(NamedTuple):
 
 @dataclass(frozen=True)
 class ExperimentSearch:
-    """Questions, and the search from many `starts` for a motion that answers them in a `duration`
-    [s].
-    """
+    """Questions, and the search from many `starts` for a motion that answers them."""
 
     machinery: Machinery
     pairs: tuple[OpenPair, ...]
@@ -127,7 +124,7 @@ class ExperimentSearch:
         return PlannedRecording(trajectory, periods)
 
     def clearness(self, recordings: Sequence[PlannedRecording]) -> np.ndarray:
-        """Of every pair (p,)."""
+        """Separation of every pair (p,)."""
         experiments = {
             number: self.machinery.experiment(number, recordings)
             for number in {pair.question for pair in self.pairs}
@@ -151,7 +148,7 @@ class ExperimentSearch:
         return replace(self, pairs=kept)
 
     def _can_predict(self, pair: OpenPair, recording: PlannedRecording) -> bool:
-        """What carries a load, or needs a signal that nothing predicts, is not."""
+        """Return whether the pair needs neither a load nor a signal that nothing predicts."""
         answers = [answer for answer in (pair.first, pair.second) if answer is not None]
         if any(answer.term.carried for answer in answers):
             return False
@@ -205,9 +202,9 @@ class ExperimentSearch:
 
 
 def pairs_of(open_: OpenQuestions) -> Iterator[OpenPair]:
-    """Of each question, every pair of its members; of a single member, it and nothing.
+    """Every pair of each question's members; a single member is paired with nothing.
 
-    Two laws of one effect need not be told apart, unless there is nothing else to tell.
+    Two model forms of one effect are paired only if there is no other pair.
     """
     for number, question in enumerate(open_.questions):
         answers = [Hypothesis.of(member) for member in question.members]
@@ -250,7 +247,7 @@ class PredictedSeparation(ResultPart):
     """Two answers to a question, as the designed motion will tell them apart."""
 
     kind: QuestionKind
-    """Of the question."""
+    """Kind of the question."""
     first: str
     """Effect and joint."""
     second: str
@@ -262,22 +259,22 @@ class PredictedSeparation(ResultPart):
     needed: Number
     """To rule one of them out [σ]."""
     actions: list[HelpfulAction]
-    """Where the motion does not suffice, what does with it, best first."""
+    """Actions that suffice with the motion if it does not alone, best first."""
     discriminated_by: str
-    """Where neither does, the experiment that would."""
+    """Experiment that discriminates if neither does."""
 
 
 class DiscriminationPlan(ResultFile):
-    """What `design --discriminate` predicts of its trajectory."""
+    """Prediction of `design --discriminate` for its trajectory."""
 
     trajectory: str
     """Its file."""
     periods: int
     """To record [-]."""
     duration: Number
-    """Of these periods [s]."""
+    """Duration of these periods [s]."""
     separations: list[PredictedSeparation]
-    """Of every pair of answers."""
+    """Separations of every pair of answers."""
 
 
 def _predicted(
@@ -348,7 +345,7 @@ def lines(plan: DiscriminationPlan) -> list[str]:
 
 
 def beyond(asked: ExperimentSearch, predicted: ExperimentSearch, open_: OpenQuestions) -> list[str]:
-    """What no recording can be predicted of, and the experiment that discriminates it."""
+    """Pairs that no recording can be predicted for, and the experiment that discriminates them."""
     out = []
     for pair in asked.pairs:
         if any(pair is kept for kept in predicted.pairs):
@@ -364,7 +361,7 @@ def _sigma(value: float | None) -> str:
 
 
 def open_lines(open_: OpenQuestions) -> Sequence[str]:
-    """What is asked."""
+    """Lines of the open questions."""
     words = {
         QuestionKind.AMBIGUOUS: "ambiguous",
         QuestionKind.NEAREST: "nearest of the catalogue",
@@ -377,7 +374,7 @@ def open_lines(open_: OpenQuestions) -> Sequence[str]:
 
 
 class DiscriminationRequest(NamedTuple):
-    """What is asked of `design --discriminate`."""
+    """Request of `design --discriminate`."""
 
     folder: Path  # of the diagnosis
     terms: Path | None

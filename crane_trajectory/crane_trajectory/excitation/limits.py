@@ -40,7 +40,7 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class Margins(Schema):
-    """What a design keeps free, so that a machine that follows it inexactly stays within limits."""
+    """Margins to the limits, for a machine that follows the design inexactly."""
 
     position: Annotated[float, Field(ge=0, lt=0.5)]  # of the range of Table 2, at both ends
     velocity: Share
@@ -155,9 +155,7 @@ def pull_back(model: Model, record: Record, weight: np.ndarray, width: np.ndarra
 def _by_differences(
     term: Term, setting: Setting, record: Record, width: np.ndarray, weight: np.ndarray
 ) -> np.ndarray:
-    """(3, n, j): derivatives with respect to q, q' and q'' of the columns of a term, summed with
-    weights (n, j, p).
-    """
+    """(3, n, j): derivatives of a term's weighted (n, j, p) columns by q, q' and q''."""
     slopes = np.zeros((3, *record.position.shape))
     only_joint = term.only_joint
     for j in range(len(width)) if only_joint is None else [record.column(only_joint)]:
@@ -222,9 +220,9 @@ class Limits:
         self.home = self._home_pose()
 
     def reserves(self, point: np.ndarray) -> np.ndarray:
-        """What is left (r,) of pump flow [shares] and of clearance to pillar and to ground [m].
+        """Reserves (r,) of pump flow [shares] and of clearance to pillar and to ground [m].
 
-        Negative where a limit less its margin is passed.
+        Negative beyond a limit less its margin.
         """
         position, velocity, _ = self._motion(point)
         return self._reserves_of(position, velocity)

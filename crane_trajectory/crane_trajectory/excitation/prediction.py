@@ -69,7 +69,7 @@ class Hypothesis:
 
     @classmethod
     def of(cls, member: OpenMember) -> "Hypothesis":
-        """What a member of a question stands for; `ConfigurationError` if there is no such term."""
+        """Hypothesis of a question's member; `ConfigurationError` if there is no such term."""
         try:
             return cls(term_from_mapping(member.term), np.array(member.values))
         except ValueError as error:
@@ -79,12 +79,12 @@ class Hypothesis:
             ) from None
 
     def same_effect(self, hypothesis: "Hypothesis") -> bool:
-        """Whether the other one is another law of the same effect, on the same joint."""
+        """Return whether both are model forms of the same effect, on the same joint."""
         together = _kinds(self.term) & _kinds(hypothesis.term)
         return bool(together) and self.term.only_joint == hypothesis.term.only_joint
 
     def bent(self) -> list[tuple[Term, Term, float]]:
-        """Of each shape parameter: the term to either side of its value, and how far apart."""
+        """Terms to either side of each nonlinear parameter's value, and their distance."""
         out = []
         for field in self.term.shapes:
             middle = float(getattr(self.term, field))
@@ -105,9 +105,7 @@ def _kinds(term: Term) -> set[str]:
 
 @dataclass(frozen=True)
 class PlannedRecording:
-    """Whole `periods` of a trajectory, with a known mass at the tip [kg], and with the pressure of
-    the tank raised [Pa].
-    """
+    """Whole `periods` of a trajectory, with a mass at the tip [kg] and a raised tank [Pa]."""
 
     trajectory: FourierTrajectory | SweepTrajectory
     periods: int
@@ -116,7 +114,7 @@ class PlannedRecording:
 
     @property
     def duration(self) -> float:
-        """Of the periods [s]."""
+        """Duration of the periods [s]."""
         return self.periods * self.trajectory.period
 
     def record(self, model: Model, row_rate: float, run: int) -> Record:
@@ -206,7 +204,6 @@ class PlannedExperiment:
 
     @cached_property
     def _known(self) -> list[Record]:
-        """With the forces and pressures that the model predicts."""
         out = []
         for run, (record, planned) in enumerate(
             zip(self._records, self._recordings, strict=True), 1
@@ -242,15 +239,14 @@ class PlannedExperiment:
         return self._seen[term]
 
     def shown(self, hypothesis: Hypothesis) -> float:
-        """How clearly a hypothesis differs from the model alone."""
         return float(np.linalg.norm(self.beside(hypothesis.term) @ hypothesis.values))
 
     def separation(self, first: Hypothesis, second: Hypothesis) -> float:
-        """Of two hypotheses, whichever is true."""
+        """Separation of two hypotheses, whichever is true."""
         return min(self._left(first, second), self._left(second, first))
 
     def _left(self, true: Hypothesis, fitted: Hypothesis) -> float:
-        """What the second cannot follow of the first."""
+        """Residual of the first that the second cannot follow."""
         force = self.beside(true.term) @ true.values
         slopes = [
             (self.beside(after) - self.beside(before)) @ fitted.values / apart
@@ -288,5 +284,4 @@ def _directions(columns: np.ndarray) -> np.ndarray:
 
 
 def _tip(runs: Sequence[int]) -> Payload:
-    """A mass at the boom tip in these runs."""
     return Payload(loads=(Load(runs=tuple(runs)),))

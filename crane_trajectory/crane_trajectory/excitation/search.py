@@ -72,17 +72,14 @@ class ExcitationProblem:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Of the coefficients."""
         return 2 * self.harmonics + 1, len(self.model.joints)
 
     @cached_property
     def machine(self) -> Machine:
-        """The machine of the model."""
         return machine_of(self.model)
 
     @cached_property
     def start_limits(self) -> Limits:
-        """On the grid that starts are repaired on."""
         return self.limits(self.search.explore.grid_per_harmonic)
 
     def limits(self, per_harmonic: int) -> Limits:
@@ -165,7 +162,6 @@ class ExcitationProblem:
         return FoundTrajectory(trajectory, self.value(scaled), violations)
 
     def random_point(self, rng: np.random.Generator) -> np.ndarray:
-        """A random trajectory within the limits."""
         limits = self.start_limits
         k = np.arange(1, self.harmonics + 1)
         waves = rng.normal(size=self.shape) / np.concatenate([[1.0], k, k])[:, None]

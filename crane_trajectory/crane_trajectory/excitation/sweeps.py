@@ -36,7 +36,7 @@ KNOT_SHIFT, LEG_STRETCH = 0.15, 0.4  # of the range, and of the log of the time 
 
 
 class ClearPoses:
-    """Whether the tip keeps its clearance, with a margin, at positions (j,) of some joints."""
+    """Test whether the tip keeps its clearance, with a margin, at positions (j,) of some joints."""
 
     def __init__(
         self, machine: Machine, joints: tuple[str, ...], clearance: Clearance, margins: Margins
@@ -114,9 +114,7 @@ def design_sweeps(
 def _widest(
     clear: ClearPoses, lowest: np.ndarray, highest: np.ndarray
 ) -> tuple[np.ndarray, list[tuple[float, float]]]:
-    """The pose from which the narrowest sweep of a joint is widest, and the ends of the sweeps;
-    none if no pose is clear.
-    """
+    """Pose whose narrowest sweep is widest, and the sweeps' ends; none if none is clear."""
     count = poses_per_joint(len(lowest), REST_POSES, MOST_REST_POSES)
     shares = (np.arange(count) + 0.5) / count
     grid = np.stack(np.meshgrid(*[shares] * len(lowest), indexing="ij"), axis=-1)
@@ -265,7 +263,7 @@ class CourseDraws:
         return None
 
     def _time(self, displacement: np.ndarray, share: float) -> float:
-        """Of a leg at a share of the smaller limit of the velocity [s]."""
+        """Duration of a leg at a share of the smaller limit of the velocity [s]."""
         limits = [self.machine.limits[joint] for joint in self.joints]
         fastest = np.array([min(limit.velocity_max, -limit.velocity_min) for limit in limits])
         needed = np.abs(displacement) / (fastest * (1.0 - self.margins.velocity) * share)

@@ -67,11 +67,11 @@ def maxima(
 
 
 class TipClearance:
-    """Where the tip of a machine is, seen from the pillar.
+    """Position of the tip relative to the pillar.
 
     The pillar is the axis of the first joint if that turns about the vertical, which then changes
-    nothing; else the vertical through the base. Ahead is where the tip is with all joints in the
-    middle of their ranges. The ground is the plane through the base.
+    nothing; else the vertical through the base. Ahead is the direction of the tip with all joints
+    in the middle of their ranges. The ground is the plane through the base.
     """
 
     def __init__(self, machine: Machine):

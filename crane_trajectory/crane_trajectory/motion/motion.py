@@ -58,7 +58,7 @@ Course = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Phase(IntEnum):
-    """What the crane is doing; numbers as in the feedback of RunExcitation."""
+    """Phase of the motion; numbers as in the feedback of RunExcitation."""
 
     REST = 0
     APPROACH = 1
@@ -441,16 +441,13 @@ class ReferenceClock:
 
     @property
     def braking(self) -> bool:
-        """Whether it brakes or has braked."""
         return self._braked_at is not None
 
     @property
     def stopped(self) -> bool:
-        """Whether it stands still for good."""
         return self.braking and self._braking >= BRAKE_TIME
 
     def brake(self) -> None:
-        """Run down from now on."""
         if self._braked_at is None:
             self._braked_at = self.time
 

@@ -288,7 +288,7 @@ class SweepTrajectory(Schema):
 
     @property
     def harmonics(self) -> int:
-        """Of a Fourier series (32) whose half waves are as short as two corners."""
+        """Harmonics of a Fourier series (32) whose half waves are as short as two corners."""
         return int(np.ceil(self.period / (4.0 * self.corner)))
 
     def evaluate(self, time: np.ndarray) -> MotionSamples:
@@ -396,7 +396,7 @@ class PeriodicTrajectory(Protocol):
 
     @property
     def probe(self) -> Probe | None:
-        """What is added to the commands, if anything."""
+        """Signal added to the commands, if any."""
 
     def evaluate(self, time: np.ndarray) -> MotionSamples:
         """Position, velocity and acceleration at any time (n,) [s]."""
@@ -437,7 +437,7 @@ def load_trajectory(path: Path | str) -> FileTrajectory:
 
 
 def schema_of(content: Any) -> type[FileTrajectory]:
-    """Of the plain content of a trajectory file."""
+    """Schema of the plain content of a trajectory file."""
     kind = content.get("kind") if isinstance(content, dict) else None
     return KINDS.get(kind, FourierTrajectory) if isinstance(kind, str) else FourierTrajectory
 

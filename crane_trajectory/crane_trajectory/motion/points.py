@@ -40,15 +40,10 @@ class JointPoints(Schema):
 
 
 class PointsTrajectory(Schema):
-    """A motion from rest to rest through points; joints that it does not name are held.
+    """A motion from rest to rest through points at n times [s] from 0; other joints are held.
 
-    Attributes
-    ----------
-    time
-        n times [s], increasing from 0.
-    joints
-        n positions of each joint that moves [rad or m], with n velocities or none, and n
-        accelerations or none; the first and the last velocity are 0.
+    Each of `joints` has n positions [rad or m], n velocities or none, and n accelerations or none;
+    the first and the last velocity are 0.
     """
 
     kind: Literal["points"]
@@ -98,7 +93,6 @@ class PointsTrajectory(Schema):
         position: np.ndarray,
         velocity: np.ndarray | None = None,
         acceleration: np.ndarray | None = None,
-        provenance: str = "",
     ) -> Self:
         """The trajectory through positions (n, j) at times (n,) [s], with derivatives if known."""
 
@@ -117,7 +111,6 @@ class PointsTrajectory(Schema):
                 )
                 for i, joint in enumerate(joints)
             },
-            provenance=provenance,
         )
 
     @property

@@ -82,24 +82,11 @@ def plan_tip_path(
     acceleration: float,
     name: str = "tip path",
 ) -> TipPath:
-    """The joint trajectory that takes the tip along `segments`, from rest to rest.
+    """Plan the joint trajectory that takes the tip along `segments`, from rest to rest.
 
-    Parameters
-    ----------
-    machine
-        The crane.
-    start
-        (j,) where its joints are [rad, m].
-    segments
-        Lines and arcs, each from where the one before ends.
-    speed, acceleration
-        Of the tip along the path, at most [m/s, m/s2].
-
-    Raises
-    ------
-    RangeError
-        If a segment has no length or an arc no circle, or if the tip cannot follow the path within
-        the limits of the joints: it says how far it comes.
+    It begins with the joints at `start` (j,) [rad, m]; `speed` and `acceleration` limit the tip
+    along the path [m/s, m/s2]. `RangeError` if a segment has no length or an arc no circle, or if
+    the tip cannot follow the path within the limits of the joints: it says how far it comes.
     """
     start = np.asarray(start, dtype=float)
     pieces = _pieces(tip_position(machine, start[np.newaxis])[0], segments)

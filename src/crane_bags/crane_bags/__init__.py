@@ -51,12 +51,4 @@ if TYPE_CHECKING:
     from crane_bags.writer import ArrayChannel as ArrayChannel
     from crane_bags.writer import BagWriter as BagWriter
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "fields": ("Place", "read_fields", "read_messages"),
-        "reader": ("TopicData", "namespace_of", "read_topics"),
-        "types": ("TOPICS", "Topic", "typestore"),
-        "writer": ("ArrayChannel", "BagWriter"),
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

@@ -38,7 +38,7 @@ class SetBack(NamedTuple):
 
     @property
     def spoils(self) -> bool:
-        """Whether so many messages are out of order that times are not known."""
+        """Return whether so many messages are out of order that times are not known."""
         return self.share > MAX_MISORDERED_SHARE
 
     def __str__(self) -> str:
@@ -136,7 +136,6 @@ class TimeBack:
 
     @property
     def is_news(self) -> bool:
-        """Whether it happened within the last seconds."""
         return time.monotonic() - self._last < NEWS_S
 
     def __str__(self) -> str:

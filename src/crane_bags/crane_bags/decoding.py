@@ -37,7 +37,7 @@ class UnusualError(Exception):
 
 @dataclass(frozen=True)
 class FieldLayout:
-    """Where the fields of a message stand; offsets in bytes from its start."""
+    """Offsets of a message's fields, in bytes from its start."""
 
     names: tuple[str, ...]
     stamp: int | None  # offset; None without a header
@@ -110,7 +110,6 @@ class _Walk:
         self._message = message
 
     def take(self, field: str, description: FieldDesc) -> None:
-        """Go past one field."""
         if description == HEADER:
             self.stamp = self._bytes(8, alignment=4)
             self._text()
@@ -227,7 +226,7 @@ def decode_by_rosbags(messages: Sequence[bytes], msgtype: str, store: Typestore)
 
 
 def same(first: Table, second: Table) -> bool:
-    """Whether two tables hold the same, NaN included."""
+    """Return whether two tables hold the same, NaN included."""
     return (
         first.names == second.names
         and np.array_equal(first.stamp, second.stamp)

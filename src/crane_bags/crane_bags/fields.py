@@ -31,7 +31,7 @@ class AbsentError(ValueError):
 
 @dataclass(frozen=True)
 class Place:
-    """Where in a message a number stands.
+    """Place of a number in a message.
 
     Parameters
     ----------

@@ -26,13 +26,12 @@ MIN_MESSAGES_PER_STAMP = 20  # messages with one stamp, from which on stamps are
 
 @dataclass(frozen=True)
 class TopicData:
-    """What a bag holds of one topic, in the order of its stamps.
+    """Content of one topic of a bag, in the order of its stamps.
 
-    log_time: when the recorder received each message, on the clock of the recorder.
-    arrival: place of each message in the file; set_back: how time goes back in that order, of the
-    messages that were selected.
-    fields: (n, k) of each float64[] field, (n,) of each float64 field, with NaN as recorded.
-    notes: what had to be mended, in words.
+    log_time: when the recorder received each message, on the clock of the recorder. arrival: place
+    of each message in the file; set_back: how time goes back in that order, of the messages that
+    were selected. fields: (n, k) of each float64[] field, (n,) of each float64 field, with NaN as
+    recorded. notes: repairs, in words.
     """
 
     bag: Path
@@ -154,7 +153,7 @@ def contradiction(reader: StoredBag, topic: str) -> tuple[str, ...]:
 
 
 def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: bool) -> bool:
-    """Whether the bag holds messages of `topic`; `DataError` if needed and not, or another type."""
+    """Return whether the bag has `topic`; `DataError` if needed and not, or of another type."""
     count, hashes = announced(reader, topic.name)
     if count == 0:
         if not needed:

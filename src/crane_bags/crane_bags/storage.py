@@ -68,7 +68,6 @@ class StoredBag(Reader):
 
     @property
     def held(self) -> int:
-        """Number of messages in the files."""
         return sum(
             connection.msgcount for file in _storages(self) for connection in file.connections
         )
@@ -95,9 +94,7 @@ class StoredBag(Reader):
 
 
 def _read_on(file: McapReader) -> None:
-    """Find in the data section what the summary of an mcap file does not repeat: channels,
-    schemas, and how many messages there are of each.
-    """
+    """Find in the data section channels, schemas and counts that the mcap summary lacks."""
     statistics = file.statistics
     counted = sum(connection.msgcount for connection in file.connections)
     if (
@@ -278,7 +275,7 @@ def _explain(path: Path, error: Exception) -> str:
 
 
 def _remedy(path: Path) -> str:
-    """What to do about a bag whose recorder was killed, or is still at work."""
+    """Remedy for a bag whose recorder was killed, or is still at work."""
     folder = path if path.is_dir() else path.with_suffix("")
     return f"mend it: ros2 run crane_nodes recover {path} --out {folder}_recovered"
 

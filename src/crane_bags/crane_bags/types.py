@@ -39,9 +39,7 @@ class Topic:
 
     @property
     def relative(self) -> str:
-        """The name that nodes give it, so that it follows their namespace; but all nodes of a
-        domain share /diagnostics.
-        """
+        """Name relative to the node's namespace; all nodes of a domain share /diagnostics."""
         return self.name if self.name == "/diagnostics" else self.name.removeprefix("/")
 
     def within(self, namespace: str) -> "Topic":

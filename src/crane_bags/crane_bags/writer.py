@@ -8,7 +8,6 @@ rosbags does, takes longer at 200 Hz and four topics than to simulate the machin
 import struct
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -57,7 +56,6 @@ class ArrayMessage:
 
     @property
     def size(self) -> int:
-        """Bytes of a message."""
         return len(self._buffer)
 
     def serialize(self, stamp: int, *values: ArrayLike) -> memoryview:
@@ -71,9 +69,7 @@ class ArrayMessage:
         return memoryview(self._buffer)
 
     def serialize_rows(self, stamps: np.ndarray, *values: np.ndarray) -> np.ndarray:
-        """The same of n messages at once, (n, size) uint8: of stamps (n,) [ns] and values (n, k) of
-        arrays, (n,) of single doubles.
-        """
+        """n messages at once, (n, size) uint8, of stamps (n,) [ns] and values (n, k) or (n,)."""
         rows = np.tile(np.frombuffer(self._buffer, np.uint8), (len(stamps), 1))
         stamp = slice(STAMP_OFFSET, STAMP_OFFSET + STAMP.size)
         rows[:, stamp] = _bytes(np.stack(np.divmod(stamps, NANOSECONDS), axis=1), "<u4")
@@ -105,7 +101,6 @@ class ArrayMessage:
         return [random.uniform(1.0, 2.0, size) for size in sizes]
 
     def _reference(self, stamp: int, values: list[np.ndarray]) -> memoryview:
-        """The message as rosbags serialises it."""
         types = self._store.types
         sec, nanosec = divmod(stamp, NANOSECONDS)
         time = types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
@@ -134,7 +129,7 @@ RECORD_DTYPE = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
-"""What stands in front of the CDR of a message; the length counts from `channel` on."""
+"""Record in front of the CDR of a message; the length counts from `channel` on."""
 COUNTED = RECORD_DTYPE.itemsize - RECORD_DTYPE["opcode"].itemsize - RECORD_DTYPE["length"].itemsize
 
 
@@ -147,7 +142,6 @@ class MessageSeries(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes of a record."""
         return RECORD_DTYPE.itemsize + self.message.size
 
     def records(self, stamps: np.ndarray, rows: slice) -> np.ndarray:
@@ -194,7 +188,7 @@ FOREVER = QosTime(9223372036, 854775807)  # how rosbag2 writes an infinite durat
 
 
 def offered_qos(topic: Topic) -> Qos:
-    """What the publishers of the suite offer: reliable; the last message is kept if latched."""
+    """Quality of service of the suite's publishers: reliable; latched topics keep one message."""
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=1 if topic.latched else 10,
@@ -272,12 +266,7 @@ class BagWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -289,7 +278,6 @@ class TopicWriter:
 
     @property
     def connection(self) -> Connection:
-        """What rosbags calls it."""
         return self._connection
 
     def write(self, log_time: int, message: object) -> None:

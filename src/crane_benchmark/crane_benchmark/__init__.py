@@ -4,11 +4,11 @@ An answer is judged by the effects and joints that it names:
 
 >>> from crane_benchmark import BlindAnswer, CaseKind, judge
 >>> hidden = [("stribeck", "telescope")]
->>> def twin(number, rival):  # whether the data tell a rival from the injected effect
+>>> def explains(number, rival):  # whether the data tell a rival from the injected effect
 ...     return False
->>> judge(CaseKind.SINGLE, hidden, BlindAnswer.of_names([("stribeck", "telescope")]), twin)
+>>> judge(CaseKind.SINGLE, hidden, BlindAnswer.of_names([("stribeck", "telescope")]), explains)
 <Judgement.RIGHT: 'right'>
->>> judge(CaseKind.SINGLE, hidden, BlindAnswer.of_names([("stribeck", "outer_boom")]), twin)
+>>> judge(CaseKind.SINGLE, hidden, BlindAnswer.of_names([("stribeck", "outer_boom")]), explains)
 <Judgement.WRONG_NAME: 'wrong name'>
 """
 
@@ -24,11 +24,4 @@ if TYPE_CHECKING:
     from crane_benchmark.scores.judgement import Judgement as Judgement
     from crane_benchmark.scores.judgement import judge as judge
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "cases.case": ("Case", "CaseKind"),
-        "folders": ("Folders",),
-        "scores.judgement": ("BlindAnswer", "Judgement", "judge"),
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

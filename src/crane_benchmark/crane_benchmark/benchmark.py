@@ -104,7 +104,7 @@ def stage(name: str, folders: Folders, workers: int, *arguments: object) -> int:
 
 @dataclass(frozen=True)
 class BenchmarkRequest:
-    """What the command is asked for; see its options."""
+    """Request of the command; see its options."""
 
     which: CaseSet
     simulator: Simulator | None
@@ -209,9 +209,7 @@ def batches(
 
 
 def through(waiting: Sequence[Batch], cluster: str | None) -> None:
-    """One after the other, or each by a worker of a Dask cluster that sees the same folders; ends
-    with the status of one that fails.
-    """
+    """Run one by one, or on a Dask cluster with the same folders; ends at a failing status."""
     if cluster:
         # only here: Dask is an extra
         from distributed import as_completed

@@ -1,7 +1,7 @@
-"""Where the benchmark keeps what: bags, sealed labels and answers of a set lie apart.
+"""Folders of the benchmark: bags, sealed ground truth and answers of a set lie apart.
 
-Bags and labels do not depend on thresholds, answers and scores do: of the same cases there may be
-several rounds of them.
+Bags and ground truth do not depend on thresholds, answers and scores do: one set of cases may have
+several rounds of these.
 """
 
 import json
@@ -22,7 +22,7 @@ ANSWER, ROW = "answer.json", "row.json"  # in the folder of a case
 
 
 class Named(Protocol):
-    """What a case is called."""
+    """Name of a case."""
 
     @property
     def name(self) -> str:
@@ -84,17 +84,17 @@ class Folders:
 
     @property
     def sealed(self) -> Path:
-        """What is hidden in each case, and its clean simulation; for the scorer."""
+        """Ground truth of each case, and its clean simulation; for the scorer."""
         return self.top / "sealed"
 
     @property
     def answers(self) -> Path:
-        """What the diagnosis and the methods beside it said."""
+        """Answers of the diagnosis and of the methods compared with it."""
         return self.scores / "answers"
 
     @property
     def scores(self) -> Path:
-        """Of the round: answers, what became of them, and figures."""
+        """Scores of the round: answers, their outcomes, and figures."""
         return self.top / self.round
 
     @property
@@ -115,7 +115,7 @@ def done(folder: Path) -> set[str]:
 
 @contextmanager
 def new(folder: Path) -> Iterator[Path]:
-    """Where to write what becomes `folder` once it is complete, in place of what is there."""
+    """Folder to write `folder` into until it is complete, in place of an earlier one."""
     unfinished = folder.parent.parent / "unfinished" / folder.parent.name / folder.name
     for old in (unfinished, folder):  # of a run that was interrupted
         shutil.rmtree(old, ignore_errors=True)

@@ -31,7 +31,7 @@ from crane_model.terms import REGISTRY
 
 
 class Left(StrEnum):
-    """What the answer is when the right one is not to be had."""
+    """Kind of the answer when the right one is not available."""
 
     UNKNOWN = "unknown"
     DECLARED_CLASS = "class with a declared confusable"
@@ -47,12 +47,12 @@ class LeftOutRow(ResultPart):
     """Its name."""
     hidden: Place
     """Effect and joint."""
-    strength: float
+    relative_magnitude: float
     """That was asked for [-]."""
     outcome: Left
-    """What became of it."""
+    """Kind of the answer."""
     answer: BlindAnswer
-    """What was said."""
+    """The answer."""
 
 
 class LeftOutResults(ResultFile):
@@ -61,7 +61,7 @@ class LeftOutResults(ResultFile):
     summary: dict[Left, Rate]
     """By outcome."""
     cases: list[LeftOutRow]
-    """Of single effects of the force."""
+    """Cases of single effects of the force."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class LeavingOutJob:
 
 
 def confusable(first_name: str, second_name: str) -> bool:
-    """Whether the catalogue declares either of two entries to be taken for the other."""
+    """Return whether the catalogue declares that either entry may be taken for the other."""
     first, second = (REGISTRY[name].effect for name in (first_name, second_name))
     assert first is not None and second is not None  # entries of the catalogue
     declared = {*first.confusable, *first.kin}
@@ -82,9 +82,7 @@ def confusable(first_name: str, second_name: str) -> bool:
 
 
 def became(hidden: Place, answer: BlindAnswer, off: bool = False) -> Left:
-    """What the answer is, where the entry of the `hidden` effect was left out. Where lengths are
-    `off`, what is said of them is neither right nor wrong.
-    """
+    """Judge the answer without the entry of the `hidden` effect; lengths do not count if `off`."""
     if off and answer.verdict in NAMING:
         rest = without_lengths(answer, [hidden])
         if not rest.findings:
@@ -134,9 +132,7 @@ def _case(folders: Folders, name: str) -> Case:
 
 
 def jobs(folders: Folders) -> list[LeavingOutJob]:
-    """The cases with one hidden effect of the catalogue that shows in the force; but loads, as
-    each held-out recording is weighed anyway.
-    """
+    """Cases of one catalogued effect in the force, except loads, which are always estimated."""
     found = []
     for name in sorted(done(folders.bags) & done(folders.sealed)):
         case = _case(folders, name)
@@ -174,7 +170,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             LeftOutRow(
                 case=job.name,
                 hidden=place,
-                strength=hidden.strength,
+                relative_magnitude=hidden.relative_magnitude,
                 outcome=became(place, blind, case.off),
                 answer=blind,
             )

@@ -32,26 +32,25 @@ class MeasuredRow(ResultPart):
     cells: list[str]
     """One for each column; `{name:.1f}` is a value, in the format that Python has for it."""
     values: dict[str, float] = {}
-    """What was measured, by name [unit of its cell]."""
+    """Measured values by name [unit of its cell]."""
 
     @property
     def shown(self) -> list[str]:
-        """The cells with their values."""
         plain = (PERCENT_SIGN.sub(" %", cell.format(**self.values)) for cell in self.cells)
         return [BEFORE_UNIT.sub(NO_BREAK, cell) for cell in plain]
 
 
 class MeasuredFigures(ResultFile):
-    """What a command has measured, as a table."""
+    """Measured figures of a command, as a table."""
 
     command: str
     """That measured it."""
     date: str
     """When, UTC: 2026-11-22 14:05."""
     commit: str
-    """Of the source that was measured; empty where it was no clone."""
+    """Commit of the measured source; empty if it was not a clone."""
     columns: list[str]
-    """What the cells of all rows are."""
+    """Headings of the cells of all rows."""
     rows: list[MeasuredRow]
     """In their order."""
 
@@ -88,7 +87,7 @@ def write(
 
 
 def _commit() -> str:
-    """Of the clone that this file is in."""
+    """Commit of the clone that this file is in."""
     command = ["git", "-C", str(Path(__file__).resolve().parent), "describe", "--always", "--dirty"]
     try:
         done = subprocess.run(command, capture_output=True, text=True)

@@ -51,16 +51,4 @@ if TYPE_CHECKING:
     from crane_model.simulation import Simulation as Simulation
     from crane_model.simulation import simulate as simulate
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "cylinders": ("generalized_forces", "lever_arms"),
-        "dynamics": ("Geometry", "inverse_dynamics"),
-        "errors": ("ConfigurationError", "CraneError", "DataError", "RangeError"),
-        "kinematics": ("forward_kinematics", "tip_jacobian", "tip_position"),
-        "machine": ("Machine", "load_machine"),
-        "model_file": ("Model", "load_model", "save_model"),
-        "record": ("Record",),
-        "simulation": ("Simulation", "simulate"),
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

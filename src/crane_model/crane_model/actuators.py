@@ -25,7 +25,7 @@ from crane_model.configuration import (
 )
 from crane_model.linkages import FOUR_BAR, PROPORTIONAL, TRIANGLE, Linkage, samples, tabulated
 
-# What pictures show of an actuator: lines between pins, in the plane across the joint's axis.
+# Pictures of an actuator: lines between pins, in the plane across the joint's axis.
 #
 # x of the plane is that of the joint's frame, before it moves; the joint is at its origin.
 
@@ -44,7 +44,7 @@ def direction(angle: float) -> Array:
 
 
 def meeting(centre: Array, radius: float, other_centre: Array, other_radius: float) -> Array:
-    """Where two circles meet, to the right of the line between them; nan where they do not."""
+    """Intersection of two circles, to the right of the line between them; nan without any."""
     line = other_centre - centre
     distance = math.hypot(*line)
     along = (radius**2 - other_radius**2 + distance**2) / (2.0 * distance)
@@ -61,13 +61,13 @@ ACTUATOR_TYPES: dict[str, type["Actuator"]] = {}
 
 
 class Actuator(Schema, ABC):
-    """What drives a joint: its own coordinate x(q), and so its force F as tau = dx/dq F (18).
+    """Actuator of a joint: its own coordinate x(q), and so its force F as tau = dx/dq F (18).
 
     A subclass gives its `type` in machine files and is registered by being defined. x is a length
-    [m] where it pushes, an angle [rad] where it turns. `has_chambers` if F follows from two
-    pressures (19): then it is a `HydraulicActuator`; `has_rotor` if it is a
-    motor that turns with x = gear ratio times q; not `drives` if it is none at all;
-    `bounded_by_pins` if it is a cylinder whose length runs from pin to pin.
+    [m] if it pushes, an angle [rad] if it turns. `has_chambers` if F follows from two pressures
+    (19): then it is a `HydraulicActuator`; `has_rotor` if it is a motor that turns with x = gear
+    ratio times q; not `drives` if the joint is passive; `bounded_by_pins` if it is a cylinder whose
+    length runs from pin to pin.
     """
 
     type: str
@@ -91,7 +91,7 @@ class Actuator(Schema, ABC):
         return tabulated(low, high, self.motion(np.linspace(low, high, TABLE_POINTS)))
 
     def bars(self, q: float) -> tuple[Bar, ...]:
-        """What pictures show of it; nothing where it is within the joint."""
+        """Bars that pictures show; none if it is within the joint."""
         return ()
 
     def check(self, low: float, high: float) -> None:
@@ -127,7 +127,7 @@ def actuator_from_mapping(content: Mapping[str, Any] | Actuator) -> Actuator:
     return of_type(content, ACTUATOR_TYPES, "actuator", "those of installed packages included")
 
 
-# What hydraulic actuators share: two chambers, their areas, and the range of x.
+# Common parts of hydraulic actuators: two chambers, their areas, and the range of x.
 
 MIN_LEVER_ARM = 0.02  # m/rad, or 1; below it a cylinder cannot move its joint
 
@@ -142,7 +142,6 @@ class Chambers(NamedTuple):
 
     @property
     def grow(self) -> bool:
-        """Whether they do at all."""
         return self.growth_a > 0.0
 
     def swept(self, x: Array) -> tuple[Array, Array]:
@@ -156,7 +155,7 @@ class HydraulicActuator(Actuator):
     `pressure_sensors` says whether both pressures are measured.
     """
 
-    has_chambers: ClassVar[bool] = True
+    has_chambers = True
     pressure_sensors: bool
 
     @property
@@ -252,7 +251,7 @@ class FourBarCylinder(BuiltIn, CylinderActuator):
     `pin_rise` is the direction of the cylinder's base seen from the joint, for pictures alone.
     """
 
-    bounded_by_pins: ClassVar[bool] = True
+    bounded_by_pins = True
     type: Literal["four_bar_cylinder"] = "four_bar_cylinder"
     s22: Positive
     s23: Positive
@@ -314,7 +313,7 @@ class TriangleCylinder(BuiltIn, CylinderActuator):
     `phi_3` from x of the frame that turns with it. Both angles count the joint's way round.
     """
 
-    bounded_by_pins: ClassVar[bool] = True
+    bounded_by_pins = True
     type: Literal["triangle_cylinder"] = "triangle_cylinder"
     j1: Positive
     j2: Positive
@@ -347,11 +346,9 @@ class RackAndPinion(BuiltIn, CylinderActuator):
 
 
 class ElectricDrive(BuiltIn):
-    """x = `gear_ratio` q, the angle of the rotor [rad], so that its torque counts `gear_ratio`
-    times at the joint; a negative ratio reverses.
-    """
+    """x = `gear_ratio` q, the rotor's angle [rad]; a negative ratio reverses."""
 
-    has_rotor: ClassVar[bool] = True
+    has_rotor = True
     type: Literal["electric_drive"] = "electric_drive"
     gear_ratio: float  # rad of the rotor per rad or m of the joint
     rotor_inertia: NonNegative | None = None  # kg m2, where the data sheet gives it
@@ -365,7 +362,7 @@ class ElectricDrive(BuiltIn):
 class RotaryMotor(BuiltIn, HydraulicActuator):
     """x = `gear_ratio` q [rad] of the motor's shaft; its torque is `displacement` (p_A - p_B)."""
 
-    has_rotor: ClassVar[bool] = True
+    has_rotor = True
     type: Literal["rotary_motor"] = "rotary_motor"
     displacement: Positive  # m3/rad
     gear_ratio: Positive = 1.0  # turns of the motor a turn of the joint
@@ -398,7 +395,7 @@ class RotaryMotor(BuiltIn, HydraulicActuator):
 class Passive(BuiltIn):
     """Nothing drives the joint, or nothing is known of what does: x = q."""
 
-    drives: ClassVar[bool] = False
+    drives = False
     type: Literal["passive"] = "passive"
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crane_model.array import Array
-from crane_model.chain import PER_BODY, regressor
+from crane_model.chain.body_regressor import PER_BODY, regressor
 from crane_model.dynamics import Geometry
 from crane_model.joint import MachineJoint
 from crane_model.machine import Machine
@@ -125,16 +125,7 @@ def report_from_base(geometry: Geometry) -> Array:
     m_sl = n_sl / offset - m_tl
     carried = m_sl + m_tl
     return np.stack(
-        [
-            j_fl - a**2 * carried,
-            s_sl - s_tl,
-            m_sl,
-            s_tl,
-            m_tl,
-            j_sl,
-            s_fl - a * carried,
-            n_fl,
-        ]
+        [j_fl - a**2 * carried, s_sl - s_tl, m_sl, s_tl, m_tl, j_sl, s_fl - a * carried, n_fl]
     )
 
 
@@ -158,7 +149,6 @@ class BaseSet(NamedTuple):
     names: tuple[str, ...]  # (10 m,) of p, as Izz.boom
 
     def told(self, k: int) -> str:
-        """Combination k in the names of its parts."""
         parts = [(f, name) for f, name in zip(self.combination[k], self.names, strict=True) if f]
         parts.sort(key=lambda part: part[1] != self.names[self.leading[k]])
         first, *further = (f"{'-' if f < 0 else '+'} {_factor(f)}{name}" for f, name in parts)
@@ -167,7 +157,7 @@ class BaseSet(NamedTuple):
 
 @lru_cache(maxsize=64)
 def base_set(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...] = ()) -> BaseSet:
-    """What forces on `joints` tell if they alone move, and the parameters named `zero` are zero.
+    """Base parameters that forces on `joints` show if only these move, and `zero` ones are zero.
 
     By a rank-revealing QR of the regressor's columns at random states.
     """

@@ -1,4 +1,4 @@
-"""What all command lines have in common: version, results, errors and interrupts, progress."""
+"""Common parts of all command lines: version, results, errors and interrupts, progress."""
 
 import argparse
 import math
@@ -124,9 +124,9 @@ def add_replace(parser: argparse.ArgumentParser) -> None:
 
 
 def check_out(*files: Path, replace: bool = False) -> None:
-    """Whether `files` can be written; `ConfigurationError` if one exists that is not to `replace`.
+    """Raise `ConfigurationError` if one of `files` exists that is not to `replace`.
 
-    For the beginning of a command: an hour later it is too late to say so.
+    Call it at the beginning of a command: an hour later is too late.
     """
     for file in files:
         if file.exists() and not (replace and file.is_file()):

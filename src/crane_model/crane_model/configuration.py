@@ -23,18 +23,14 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from pydantic_core import (
-    ErrorDetails,
-    InitErrorDetails,
-    PydanticCustomError,
-)
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 from pydantic_core.core_schema import ErrorType
 from yaml.composer import ComposerError
 from yaml.constructor import ConstructorError
 
 from crane_model.errors import ConfigurationError
 
-# What the suite says of a value that a schema does not accept.
+# Messages about values that a schema does not accept.
 
 MAX_SHOWN_CHARACTERS = 80  # of a value that is shown
 MAPPING, NUMBER = "must be a mapping of keys to values", "must be a number"
@@ -83,9 +79,9 @@ OTHER_WORDING = "is not of the kind that belongs here"
 
 
 def wording(kind: str, context: Mapping[str, Any], value: Any) -> str:
-    """What is wrong with a `value`, and the value where that does not say it.
+    """Fault of a `value`, and the value if the fault does not show it.
 
-    `kind` is pydantic's type of the error, `context` what it tells of it.
+    `kind` is pydantic's type of the error, `context` its details.
     """
     said = WORDING.get(kind, OTHER_WORDING).format(**context)
     return said + ("" if kind in {"missing", "value_error"} else shown(value))
@@ -109,7 +105,7 @@ MAX_NUMBER_CHARACTERS = (
 
 
 class WrongYamlError(Exception):
-    """What is wrong with the text, with line and key where it has them."""
+    """Fault of the text, with line and key if it has them."""
 
 
 class YamlText:
@@ -160,7 +156,7 @@ class YamlText:
 
 
 class _RefusedError(ConstructorError):
-    """What is YAML, but not ours."""
+    """Valid YAML that the suite does not accept."""
 
     def __init__(self, problem: str, node: yaml.Node):
         super().__init__(None, None, problem, node.start_mark)
@@ -274,7 +270,7 @@ class Schema(BaseModel):
     def _unknown_keys_beside_known(
         cls, content: Any, handler: ModelWrapValidatorHandler[Self]
     ) -> Self:
-        """What pydantic says of an unknown key lacks the keys that there are."""
+        """Add the known keys to pydantic's message about an unknown key."""
         try:
             return handler(content)
         except ValidationError as error:

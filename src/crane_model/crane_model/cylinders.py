@@ -102,11 +102,7 @@ def generalized_from_actuators(
 
 
 def generalized_forces(
-    machine: Machine,
-    q: Array,
-    pressure_a: Array,
-    pressure_b: Array,
-    joints: Sequence[str],
+    machine: Machine, q: Array, pressure_a: Array, pressure_b: Array, joints: Sequence[str]
 ) -> Array:
     """Generalized forces (27) of k joints, in any order, from the pressures of their cylinders.
 
@@ -173,9 +169,9 @@ class _Chambers(NamedTuple):
 
 
 class ChamberForces:
-    """What `generalized_forces` gives of k joints in any order, for one instant at a time.
+    """The result of `generalized_forces` for k joints in any order, one instant at a time.
 
-    Actuators of a class of one's own take as long as there.
+    Actuators of classes defined outside the suite take as long as there.
     """
 
     def __init__(self, machine: Machine, joints: Sequence[str]):

@@ -126,12 +126,7 @@ def lagrangian_regressor(geometry: Geometry, q: Array, v: Array, acceleration: A
 
 
 def fill_base_regressor(
-    geometry: Geometry,
-    q: Array,
-    v: Array,
-    acceleration: Array,
-    at: Sequence[int],
-    out: Array,
+    geometry: Geometry, q: Array, v: Array, acceleration: Array, at: Sequence[int], out: Array
 ) -> None:
     """Write phi of (8) for the base set, N_TL = a3 m_TL: (n, j) motion into `out` (n, j, 8).
 
@@ -220,11 +215,7 @@ def energy(geometry: Geometry, parameters: Array, q: Array, v: Array) -> tuple[A
 
 
 def inverse_dynamics(
-    geometry: Geometry,
-    parameters: Array,
-    q: Array,
-    v: Array,
-    acceleration: Array,
+    geometry: Geometry, parameters: Array, q: Array, v: Array, acceleration: Array
 ) -> Array:
     """Generalized forces of (6) by M, C and G: the other way round from the regressor (8).
 
@@ -294,7 +285,7 @@ def planar_pull_back(
     to_phi = weight[:, 0].T
     to_psi = to_phi + weight[:, 1].T
     to_s = weight[:, 2].T
-    # what multiplies A4, A5, B4 + g cos psi and B5 - g sin psi, the mass m_TL (6) at s included
+    # factors of A4, A5, B4 + g cos psi and B5 - g sin psi, the mass m_TL (6) at s included
     alpha_4, alpha_5 = to_phi[4] + s * to_phi[6], to_phi[5]
     beta_4, beta_5 = to_psi[4] + s * to_psi[6], to_psi[5] - to_s[6]
     moment = to_psi[7] + s * to_psi[6]

@@ -75,8 +75,8 @@ SERVED_CHAMBER = (0, 0, 1, 1)  # the chamber, A or B, that each of EDGES serves
 
 
 class Metered(NamedTuple):
-    """What a recording tells of a valve, whatever its dead bands and play: the command `u` (n,)
-    towards chamber A, where runs begin (n,), and the root (n, 4) of the drop at each of EDGES.
+    """Data of a valve that do not depend on its dead bands and play: the command `u` (n,) towards
+    chamber A, where runs begin (n,), and the root (n, 4) of the drop at each of EDGES.
     """
 
     u: Array
@@ -107,7 +107,7 @@ class Valve(FlowTerm):
         return of_chambers(self.flows(self.metered(record, machine)))
 
     def metered(self, record: Record, machine: Machine) -> Metered:
-        """What does not depend on dead bands and play, to ask `flows` for several of them."""
+        """Data that do not depend on dead bands and play, to ask `flows` for several of them."""
         p_a, p_b = self.needed(record, "pressure_a"), self.needed(record, "pressure_b")
         supply, tank = self.needed(record, "supply_pressure"), self.needed(record, "tank_pressure")
         drops = np.stack([supply - p_a, p_a - tank, supply - p_b, p_b - tank], axis=1)
@@ -129,9 +129,7 @@ class Valve(FlowTerm):
 
 
 def of_chambers(flows: Array) -> Array:
-    """Columns (n, k) of EDGES, once or several times, as (n, 2, k): of the chamber that each edge
-    serves.
-    """
+    """Columns (n, k) of EDGES, once or several times, as (n, 2, k): by the chamber of each edge."""
     out = np.zeros((len(flows), 2, flows.shape[1]))
     for column in range(flows.shape[1]):
         out[:, SERVED_CHAMBER[column % len(EDGES)], column] = flows[:, column]
@@ -217,9 +215,7 @@ def air_column(record: Record, machine: Machine, joint: str) -> Array:
 
 
 class WearRange(NamedTuple):
-    """Where a joint has been, from `low` to `high` [rad or m], and the means (WEAR_DEGREE,) there
-    of the polynomials by which a leakage changes.
-    """
+    """Range of a joint [rad or m], and means (WEAR_DEGREE,) of the leakage's polynomials there."""
 
     low: float
     high: float
@@ -314,10 +310,4 @@ FLOW_EFFECTS: Mapping[str, FlowEffect] = MappingProxyType(
 )
 
 
-__all__ = [
-    "FLOW_EFFECTS",
-    "FlowEffect",
-    "FlowTerm",
-    "flow_regressor",
-    "piston_flow",
-]
+__all__ = ["FLOW_EFFECTS", "FlowEffect", "FlowTerm", "flow_regressor", "piston_flow"]

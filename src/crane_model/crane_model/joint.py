@@ -173,7 +173,7 @@ class MachineJoint(Schema):
 
     @property
     def unit(self) -> str:
-        """Of its coordinate: rad or m."""
+        """Unit of the coordinate: rad or m."""
         return "rad" if self.kind == "revolute" else "m"
 
     @cached_property

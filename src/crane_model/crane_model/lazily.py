@@ -1,18 +1,28 @@
 """Public names of a package that are imported when they are first asked for."""
 
-from collections.abc import Callable, Mapping, Sequence
+import ast
+from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 
 def lazily(
-    package: str, modules: Mapping[str, Sequence[str]]
+    package: str, file: str
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """`__getattr__`, `__dir__` (PEP 562) and `__all__` of a package, of the names in its modules.
+    """`__getattr__`, `__dir__` (PEP 562) and `__all__` of a package from its `__init__` file.
 
-    So `import crane_nodes.managed` does not need ROS because another name of crane_nodes does.
+    The names are those that the file imports under `if TYPE_CHECKING`. So `import
+    crane_nodes.managed` does not need ROS because another name of crane_nodes does.
     """
-    origins = {name: f"{package}.{module}" for module, names in modules.items() for name in names}
+    origins = {
+        alias.name: str(node.module)
+        for block in ast.parse(Path(file).read_text(encoding="utf-8")).body
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
 
     def attribute(name: str) -> Any:
         if name not in origins:

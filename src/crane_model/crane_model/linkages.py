@@ -112,7 +112,7 @@ class Linkage(NamedTuple):
 
 
 def tabulated(low: float, high: float, values: Array) -> Linkage:
-    """Of x, dx/dq and d2x/dq2 (k, 3) at k places from `low` to `high`, evenly apart."""
+    """Table of x, dx/dq and d2x/dq2 (k, 3) at k places from `low` to `high`, evenly apart."""
     return Linkage(TABLE, np.concatenate([[low, high], values.ravel()]))
 
 

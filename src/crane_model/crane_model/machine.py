@@ -212,7 +212,7 @@ class Machine(Schema):
 
     @cached_property
     def actuators(self) -> Mapping[str, Actuator]:
-        """What drives each joint."""
+        """Actuator of each joint."""
         every = {joint.name: joint.actuator for joint in self.joints}
         return ByJoint(self.name, "actuator", every)
 
@@ -278,7 +278,7 @@ class Machine(Schema):
 
     @cached_property
     def chain(self) -> SerialChain:
-        """Where its joints are and how they move, for compiled code."""
+        """Positions and motion of the joints, for compiled code."""
         ends = [self.base.matrix, *(joint.after for joint in self.joints)]
         placed = np.array([e @ j.before for e, j in zip(ends, self.joints, strict=False)])
         tip, led = ends[-1] @ self.tool.matrix, [self.led_by(joint) for joint in self.joints]

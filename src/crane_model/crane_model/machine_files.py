@@ -1,4 +1,4 @@
-"""Where the files of a machine are: all in one folder, beside its machine file."""
+"""Files of a machine: all in one folder, beside its machine file."""
 
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
@@ -10,7 +10,7 @@ from crane_model.errors import ConfigurationError
 
 DEFAULT_MACHINE = crane_machines.DEFAULT
 MACHINE_SUFFIXES = (".yaml", ".dbc", ".eds")
-"""Of the files in a machine's folder that the suite reads."""
+"""Suffixes of the files in a machine's folder that the suite reads."""
 
 
 def machine_file(

@@ -21,7 +21,7 @@ BLOCK_SAMPLES = 16  # their part of a regressor fits the fastest memory
 
 
 class MotionQuantity(IntEnum):
-    """What a joint does at an instant."""
+    """Motion of a joint at an instant."""
 
     ONE = 0  # whatever it does
     DIRECTION = 1  # sgn(q')
@@ -31,7 +31,7 @@ class MotionQuantity(IntEnum):
 
 
 class MotionColumn(NamedTuple):
-    """What stands on the row of a joint in the column of a parameter."""
+    """Entry on the row of a joint in the column of a parameter."""
 
     row: str  # joint
     parameter: int
@@ -41,9 +41,7 @@ class MotionColumn(NamedTuple):
 
 
 class ColumnTable(NamedTuple):
-    """The same of c columns for compiled code. Whole numbers without a sign: no index is wrapped
-    to count from the end.
-    """
+    """c columns for compiled code; unsigned numbers, so that no index counts from the end."""
 
     rows: NDArray[np.uint64]  # (c,)
     parameters: NDArray[np.uint64]
@@ -102,11 +100,7 @@ def _fill(
 
 
 def pull_back(
-    columns: Sequence[MotionColumn],
-    record: Record,
-    steepness: Array,
-    weight: Array,
-    slopes: Array,
+    columns: Sequence[MotionColumn], record: Record, steepness: Array, weight: Array, slopes: Array
 ) -> None:
     """Add to `slopes` (3, n, j) the derivatives with respect to q, q', q'' of their smooth sum
     with weights (n, j, p); `steepness` (n, j) is that of the record's direction over q'.
@@ -131,9 +125,7 @@ def pull_back(
 def smooth_forces(
     table: ColumnTable, theta: Array, v: Array, a: Array, width: float, out: Array
 ) -> None:
-    """Set `out` (1, j) to the forces of one instant at parameters theta, motion (1, j), with
-    tanh(q' / width) for sgn(q').
-    """
+    """Set `out` (1, j) to the forces of an instant, with tanh(q' / width) for sgn(q')."""
     direction, quantities = np.empty_like(v), np.empty((5 * v.shape[1], 1))
     for i in range(v.shape[1]):
         direction[0, i] = math.tanh(v[0, i] / width)

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, Self
 
 from tqdm import tqdm
 
@@ -17,6 +17,7 @@ def silent(phase: str, done: float) -> None:
 
 BAR_AFTER_S = 2.0  # before a bar appears
 LINE_INTERVAL_S = 10.0
+BAR_STEPS = 1000
 BAR = " |{bar}|"
 FORM = "{desc}: {percentage:3.0f} %" + BAR + " {elapsed} < {remaining}"
 
@@ -49,8 +50,38 @@ class _Lines(tqdm):  # type: ignore[type-arg]  # it takes none when it runs
             self.fp.flush()
 
     def clear(self, nolock: bool = False) -> None:
-        """What was written stays."""
+        """Keep what was written."""
 
     def close(self) -> None:
-        """Nothing is left on a line of its own."""
         self.disable = True
+
+
+class ProgressBar:
+    """Progress of computations as bars on standard error, one bar for each phase.
+
+    A `Progress` for `fit` and its like, and a context manager.
+    """
+
+    def __init__(self) -> None:
+        self._phase = ""
+        self._bar: tqdm[Any] | None = None
+
+    def __call__(self, phase: str, done: float) -> None:
+        """Show `phase` at the share `done`, 0 to 1."""
+        if phase != self._phase or self._bar is None:
+            self.close()
+            self._phase = phase
+            self._bar = progress_bar(phase, BAR_STEPS)
+        self._bar.update(round(done * BAR_STEPS) - self._bar.n)
+
+    def close(self) -> None:
+        """End the bar that is shown."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

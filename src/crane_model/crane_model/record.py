@@ -20,7 +20,7 @@ REMEDIES = {
     "supply_pressure": "record the supply pressure",
     "tank_pressure": "record the tank pressure",
 }
-"""What to do where a signal that a term needs is not in a record."""
+"""Remedies if a signal that a term needs is not in a record."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Record:
 
     @cached_property
     def first_of_run(self) -> Flags:
-        """Whether a recording begins with the sample, (n,) bool."""
+        """Return whether a recording begins with the sample, (n,) bool."""
         first = np.zeros(len(self), dtype=bool)
         first[:1] = True
         if self.run is not None:
@@ -113,9 +113,7 @@ class Record:
         return rate
 
     def shifted(self, values: Array, lead: float) -> Array:
-        """Values (n,) at `lead` [s] after each sample, by straight lines that do not cross runs; at
-        the ends of a run they stay.
-        """
+        """Values (n,) `lead` [s] later, by straight lines within runs; constant at their ends."""
         shifted = np.empty_like(values, dtype=float)
         begins = np.flatnonzero(self.first_of_run)
         for begin, end in zip(begins, [*begins[1:], len(self)], strict=True):

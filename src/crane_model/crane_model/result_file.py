@@ -78,11 +78,11 @@ class ResultFile(ResultPart):
             raise DataError(f"{path}: not readable: {error}; write it again") from None
 
 
-# What a diagnosis leaves open, for the design of the experiment that discriminates it.
+# Open questions of a diagnosis, for the design of the experiment that discriminates them.
 
 
 class QuestionKind(StrEnum):
-    """What is asked."""
+    """Kind of a question."""
 
     AMBIGUOUS = "ambiguous"
     NEAREST = "nearest"
@@ -95,13 +95,13 @@ class OpenMember(ResultPart):
     effect: str
     """Its type."""
     name: str
-    """What people call it."""
+    """Name of the effect in words."""
     joint: str
     """The joint, or `all`."""
     term: dict[str, Any]
     """As in a model file, with its shape."""
     values: list[float]
-    """Of its parameters [SI]."""
+    """Values of its parameters [SI]."""
     separation: Number
     """Between it and the first member, as these recordings tell them apart; null for that [σ]."""
     discriminated_by: str
@@ -142,5 +142,5 @@ class _Holding(ResultFile):
 
 
 def read_open(path: Path | str) -> OpenQuestions:
-    """What is open by a findings.json; `DataError` if there is none, or none of this version."""
+    """Open questions of a findings.json; `DataError` if there is none, or none of this version."""
     return _Holding.read(path).open

@@ -121,7 +121,7 @@ def _advanced(
 
 @dataclass(frozen=True)
 class _Inputs:
-    """What acts on the runs, interpolated between instants; `at` counts instants."""
+    """Inputs of the runs, interpolated between instants; `at` counts instants."""
 
     drive: Array  # (T, N, j)
     beside: Mapping[str, Array]  # (T, N, ...)
@@ -157,7 +157,6 @@ class _Instant:
 
     @cached_property
     def record(self) -> Record:
-        """The runs in free motion."""
         return self.moved(np.zeros_like(self.v))
 
     def moved(

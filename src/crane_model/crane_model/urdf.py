@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from crane_model.array import Array
-from crane_model.chain import ten_about_centre
+from crane_model.chain.body_regressor import ten_about_centre
 from crane_model.inspection import travels
 from crane_model.joint import roll_pitch_yaw
 from crane_model.machine import Machine

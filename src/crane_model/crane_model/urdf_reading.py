@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from crane_model.array import Array
-from crane_model.chain import pseudo_inertia, ten_about_centre
+from crane_model.chain.body_regressor import pseudo_inertia, ten_about_centre
 from crane_model.configuration import MAX_FILE_BYTES
 from crane_model.errors import ConfigurationError
 from crane_model.joint import about, placement, roll_pitch_yaw
@@ -77,7 +77,7 @@ class LinkBody:
 
     @property
     def known(self) -> bool:
-        """Whether it has a mass, and all its links can exist."""
+        """Return whether it has a mass, and all its links can exist."""
         return self.ten[0] > 0.0 and not self.impossible
 
 
@@ -106,7 +106,7 @@ def machine_file_from_urdf(path: Path, tip: str | None = None) -> tuple[str, int
 
 
 def bodies_from_urdf(path: Path, tip: str | None = None) -> tuple[LinkBody, ...]:
-    """What each joint of the arm moves, with all links that are fixed to it.
+    """Bodies that each joint of the arm moves, with all links that are fixed to it.
 
     Joints and `tip` are those of `machine_file_from_urdf`; links behind other moving joints are
     left out.
@@ -181,8 +181,8 @@ def _inertial(link: ET.Element | None, place: Array, path: Path) -> Array | Impo
 
 def _second_moments(mass: float, inertia: Array) -> Array:
     """(3,) along the principal axes through the centre of mass, rising [kg m2]."""
-    moments: Array = np.linalg.eigvalsh(pseudo_inertia(_ten(mass, np.zeros(3), inertia))[:3, :3])
-    return moments
+    second = pseudo_inertia(_ten(mass, np.zeros(3), inertia))[:3, :3]
+    return np.linalg.eigvalsh(second).astype(float)
 
 
 def _ten(mass: float, centre: Array, inertia: Array) -> Array:
@@ -228,7 +228,6 @@ def _led(
 def _entry(
     joint: ET.Element, place: Array, led: Mapping[str, tuple[str, float, float]], path: Path
 ) -> str:
-    """A joint of the list."""
     name, kind = joint.get("name", ""), KINDS[joint.get("type", "")]
     if not (name.isidentifier() and name[0].isalpha()):
         raise ConfigurationError(
@@ -325,7 +324,6 @@ def _not_expanded(path: Path) -> ConfigurationError:
 
 
 def _way(joints: dict[str, ET.Element], link: str, path: Path) -> list[ET.Element]:
-    """The joints from the root to a link."""
     arm: list[ET.Element] = []
     while link in joints:
         arm.insert(0, joints[link])

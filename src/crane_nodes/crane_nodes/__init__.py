@@ -15,11 +15,4 @@ if TYPE_CHECKING:
     from crane_nodes.parameters import Text as Text
     from crane_nodes.parameters import declare as declare
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "driver_client": ("DriverClient", "NoDriverError"),
-        "managed": ("ros", "run_managed"),
-        "parameters": ("Number", "Numbers", "Switch", "Text", "declare"),
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

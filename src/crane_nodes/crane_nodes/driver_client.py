@@ -30,7 +30,7 @@ class NoDriverError(CraneError):
 
 
 class DriverWatch:
-    """What the driver tells on driver/state, for `node` and in its thread.
+    """Listener to driver/state, for `node` and in its thread.
 
     `told`, if given, is called with every message.
     """
@@ -45,9 +45,7 @@ class DriverWatch:
 
     @property
     def state(self) -> DriverState:
-        """The newest state; where no driver tells it, or several do, it is STATE_UNKNOWN, with
-        cause and remedy.
-        """
+        """The newest state; STATE_UNKNOWN, with cause and remedy, if not exactly one tells it."""
         states = self._heard()
         if len(states) == 1:
             return states[0]
@@ -64,14 +62,13 @@ class DriverWatch:
 
     @property
     def problem(self) -> str:
-        """What keeps commands from the valves, and what to do; empty if nothing does."""
+        """Obstacle between commands and valves, with the remedy; empty if there is none."""
         state = self.state
         if state.state == DriverState.STATE_ENABLED:
             return ""
         return ": ".join(filter(None, (state.node, f"{state.cause}; {state.remedy}")))
 
     def _heard(self) -> list[DriverState]:
-        """The newest of each driver that is not silent."""
         silence = PATIENCE_S if self._simulated else DRIVER_SILENCE_S
         since = time.monotonic() - silence
         return [state for came, state in self._states.values() if came >= since]

@@ -55,12 +55,7 @@ class KeptExecutor(SingleThreadedExecutor):
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Wait for at most `timeout_sec`, without end if it is None, and serve all that is ready.
 
-        Raises
-        ------
-        ExternalShutdownException
-            If the context of the executor was shut down.
-        Exception
-            Whatever a callback raises.
+        `ExternalShutdownException` if the context of the executor was shut down.
         """
         wait_set = self._filled()
         wait_set.wait(-1 if timeout_sec is None else int(timeout_sec * 1e9))
@@ -214,7 +209,7 @@ class KeptExecutor(SingleThreadedExecutor):
 
 
 class _Alone(CallbackGroup):
-    """What the executor leaves alone."""
+    """Entity that the executor leaves alone."""
 
     def can_execute(self, entity: object) -> bool:
         return False
@@ -243,7 +238,7 @@ class Polled:
         )
 
     def take(self) -> Iterator[tuple[Any, dict[str, Any]]]:
-        """What has come since the last call, at most a queue full, with what is known of it."""
+        """Messages since the last call, at most a queue full, with their stamps."""
         for _ in range(self._depth):
             if (taken := self._subscription.handle.take_message(self._msgtype, self._raw)) is None:
                 break

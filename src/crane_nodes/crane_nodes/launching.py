@@ -21,9 +21,7 @@ COMMON = {
 
 
 def declared(arguments: Mapping[str, str]) -> list[DeclareLaunchArgument]:
-    """Launch arguments by name and description. All are empty unless they are given: what is empty
-    is left to the parameter file, and then to the default of the node.
-    """
+    """Launch arguments by name and description; empty ones are left to the parameter file."""
     return [
         DeclareLaunchArgument(name, default_value="", description=text)
         for name, text in arguments.items()

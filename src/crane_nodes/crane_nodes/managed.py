@@ -77,7 +77,7 @@ def node_names(endpoints: Iterable[TopicEndpointInfo]) -> list[str]:
 
 
 class Stop:
-    """Whether a signal has asked the process to stop."""
+    """A signal's request to stop the process."""
 
     requested = False
 
@@ -232,7 +232,7 @@ def _live(make: Callable[[], LifecycleNode], argv: Sequence[str]) -> None:
             if AUTOSTART.read(node):
                 _start(node)
             executor.add_node(node)
-            # What is there to stay need not be looked through for garbage: 60 ms each time.
+            # Permanent objects need not be looked through for garbage: 60 ms each time.
             gc.collect()
             gc.freeze()
             while not stop.requested:

@@ -45,7 +45,7 @@ class NodeTime:
         self._node = node
         self.simulated: bool = node.get_parameter("use_sim_time").value is True
         self.depth = SIMULATED_DEPTH if self.simulated else REAL_DEPTH
-        """Of a publisher, whose messages a process that is starved must not lose."""
+        """Depth of a publisher whose messages a starved process must not lose."""
         self._heard = time.monotonic()
         self._newest = 0
         source = node._time_source

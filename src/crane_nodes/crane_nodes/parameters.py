@@ -28,14 +28,12 @@ Value = TypeVar("Value")
 
 
 class _Checked(Generic[Value]):
-    """What all kinds of parameters have in common."""
-
     name: str
     meaning: str
 
     @property
     def description(self) -> str:
-        """What `ros2 param describe` shows."""
+        """Text that `ros2 param describe` shows."""
         return self.meaning
 
     def read(self, node: Node) -> Value:
@@ -203,9 +201,7 @@ MACHINE = Text(
 
 
 def given(node: Node, parameters: Sequence[NodeParameter]) -> set[str]:
-    """Names of those that were given at the start, by command line or launch file, even where the
-    value is the default; to be asked before `declare`.
-    """
+    """Names of parameters given at the start, even as the default; call before `declare`."""
     names = set()
     for parameter in parameters:
         without_default = ParameterDescriptor(dynamic_typing=True)
@@ -271,17 +267,7 @@ def declare(
 
 
 def hold(node: Node, fixed: Sequence[NodeParameter], state: Callable[[], str]) -> None:
-    """Refuse to change parameters that a managed node reads when it is configured.
-
-    Parameters
-    ----------
-    node
-        Node that has the parameters.
-    fixed
-        Parameters that keep their values.
-    state
-        Returns the state of the node; while it is "unconfigured", all values may be set.
-    """
+    """Refuse to change `fixed` parameters while the `state` of the node is not "unconfigured"."""
     names = {parameter.name for parameter in fixed}
 
     def held(values: Sequence[Parameter]) -> SetParametersResult:
@@ -321,7 +307,7 @@ def read_machine_again(node: Node, machine: "Machine") -> "Machine":
 
 
 def _descriptor(parameter: NodeParameter, read_only: bool) -> ParameterDescriptor:
-    """What `ros2 param describe` and tools that draw sliders are told."""
+    """Description for `ros2 param describe` and tools that draw sliders."""
     descriptor = ParameterDescriptor(
         description=parameter.description, dynamic_typing=True, read_only=read_only
     )

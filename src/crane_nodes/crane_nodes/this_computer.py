@@ -35,10 +35,7 @@ LEASE_XML = "<discovery_config><leaseDuration><sec>120</sec></leaseDuration></di
 def schedule(process: int, policy: int, priority: int = 0) -> None:
     """Give all threads of a process, by its id, a policy; those they start later have it, too.
 
-    Raises
-    ------
-    PermissionError
-        If the system does not allow that.
+    `PermissionError` if the system does not allow that.
     """
     for thread in Path(f"/proc/{process}/task").iterdir():
         with suppress(ProcessLookupError):  # it has ended meanwhile
@@ -47,14 +44,14 @@ def schedule(process: int, policy: int, priority: int = 0) -> None:
 
 @dataclass(frozen=True)
 class RealTimeSettings:
-    """What the process shall have."""
+    """Scheduling that the process asks for."""
 
     priority: int  # of SCHED_FIFO, 1 to 99; 0: the one it has
     lock_memory: bool  # that there is at `begin`, so that it is never read back from a disk
 
 
 class RealTime:
-    """What the process has from `begin` to `end`; `obtained` and `refused` tell it in words."""
+    """Scheduling of the process from `begin` to `end`; `obtained` and `refused` describe it."""
 
     def __init__(self, settings: RealTimeSettings):
         self.obtained: list[str] = []
@@ -106,7 +103,7 @@ def prefer(process: int, priority: int) -> bool:
 
 
 class ProcessorTime(NamedTuple):
-    """What the processor has done for a process so far."""
+    """Processor time of a process so far."""
 
     computed: float  # s, of all threads
     waited: float = math.nan  # s, that one thread was ready to run and did not; NaN: not known

@@ -33,14 +33,4 @@ if TYPE_CHECKING:
     from crane_observer.position.state import PoseEstimate as PoseEstimate
     from crane_observer.recording import HeardRecording as HeardRecording
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "monitor.finding": ("Part", "SensorFinding", "Wrong"),
-        "monitor.replay": ("SensorWatch",),
-        "monitor.tolerance": ("learn", "unlearnt"),
-        "position.estimator": ("PositionEstimator",),
-        "position.state": ("PoseEstimate",),
-        "recording": ("HeardRecording",),
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

@@ -15,7 +15,7 @@ from crane_observer.monitor.tolerance import HOURS_PER_FALSE_ALARM, Tolerance, l
 
 
 class SensorRequest(NamedTuple):
-    """What is asked of `check_sensors`."""
+    """Request of `check_sensors`."""
 
     bag: list[Path]
     model: Path

@@ -23,7 +23,7 @@ UNKNOWN, LOWER, UPPER = "unknown", "lower", "upper"
 
 
 class PositionRequest(NamedTuple):
-    """What is asked of `estimate_positions`."""
+    """Request of `estimate_positions`."""
 
     bag: Path
     model: Path
@@ -35,7 +35,7 @@ class PositionRequest(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """What was estimated of a recording, and what encoders say."""
+    """Estimates of a recording, and readings of the encoders."""
 
     model: Model
     course: EstimatedCourse

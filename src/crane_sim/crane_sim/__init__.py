@@ -16,7 +16,8 @@ True
 An effect to inject:
 
 >>> from crane_sim import InjectedEffect, Spec
->>> Spec(effects=(InjectedEffect(effect="stribeck", joint="telescope", strength=0.02),)).seed
+>>> stribeck = InjectedEffect(effect="stribeck", joint="telescope", relative_magnitude=0.02)
+>>> Spec(effects=(stribeck,)).seed
 0
 
 A public name is imported from its module when it is first asked for, so that `import crane_sim`
@@ -41,15 +42,4 @@ if TYPE_CHECKING:
     from crane_sim.plant.plant import Plant as Plant
     from crane_sim.plant.sampled import Sensors as Sensors
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "calibration": ("calibrate",),
-        "ground_truth": ("InjectedEffect", "Spec", "load_spec"),
-        "make_bag": ("make",),
-        "parts.parameters": ("SimulatedCrane", "load_simulated_crane", "save_simulated_crane"),
-        "plant.closed_loop": ("SimulatedRecording", "record"),
-        "plant.plant": ("Plant",),
-        "plant.sampled": ("Sensors",),
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

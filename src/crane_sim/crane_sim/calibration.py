@@ -70,7 +70,6 @@ class Slewing:
         )
 
     def probe(self, time: np.ndarray) -> np.ndarray:
-        """As that of the motion."""
         return self.motion.probe(time)
 
 
@@ -94,15 +93,15 @@ def slewing(motion: Course, effects: Sequence[InjectedForm]) -> Course:
 # Their magnitudes, found by moving the machine with them.
 
 MAX_TRIES = 12
-STRENGTH_TOLERANCE = 0.05  # of the wanted strength
+RELATIVE_MAGNITUDE_TOLERANCE = 0.05  # of the wanted relative magnitude
 DEFAULT_TRAJECTORY = "excitation_20s.yaml"  # on which a spec is calibrated that names no trajectory
 MAX_FACTOR = 8.0  # by which a magnitude changes at once
-FLAT_SHARE = 0.01  # of a strength, by which it does not fall with its magnitude,
+FLAT_SHARE = 0.01  # of a relative magnitude, by which it does not fall with its magnitude,
 FLAT_TRIES = 3  # so often in turn: a smaller one would not help either
 
 
 class UnmovedError(RangeError):
-    """The strength of an injected effect on a motion does not follow its magnitude."""
+    """The relative magnitude of an injected effect on a motion does not follow its magnitude."""
 
 
 def calibrate(
@@ -110,8 +109,8 @@ def calibrate(
 ) -> tuple[InjectedForm, ...]:
     """The effects of a spec with all their parameters, for a machine on a motion.
 
-    If an effect has a strength, its magnitude is changed until its part in the force comes within 5
-    % of it, for all effects at once.
+    If an effect has a relative magnitude, its magnitude is changed until its part in the force
+    comes within 5 % of it, for all effects at once.
 
     Parameters
     ----------
@@ -120,7 +119,7 @@ def calibrate(
     machine, simulated
         Geometry and parameters of the simulated crane.
     motion
-        Motion on which the strengths hold.
+        Motion on which the relative magnitudes hold.
     gains
         Of the controller (36) that leads the crane.
 
@@ -145,19 +144,16 @@ def reach(
     gains: Gains,
     build: Build,
 ) -> tuple[InjectedForm, ...]:
-    """The effects with magnitudes such that each has the strength it is asked for, in the machine
-    that `build` makes of `simulated`; as `calibrate` says. `UnmovedError` if an effect does nothing
-    or, with a smaller magnitude, no less.
-    """
+    """Effects with requested magnitudes in the machine of `build`; see `calibrate`."""
     open_ended = [k for k, effect in enumerate(effects) if effect.requested is not None]
-    exponent = dict.fromkeys(open_ended, 1.0)  # of the strength as a power of the magnitude
+    exponent = dict.fromkeys(open_ended, 1.0)  # relative magnitude as a power of the magnitude
     last: dict[int, tuple[float, float]] = {}
     flat = dict.fromkeys(open_ended, 0)
     for _ in range(MAX_TRIES if open_ended else 0):
         moved_with = moved(effects, machine, simulated, motion, gains, build)
-        reached = moved_with.strength(effects, machine)
+        reached = moved_with.relative_magnitude(effects, machine)
         ratio = {k: (effects[k].requested or 0.0) / max(reached[k], 1e-12) for k in open_ended}
-        if all(abs(np.log(r)) < STRENGTH_TOLERANCE for r in ratio.values()):
+        if all(abs(np.log(r)) < RELATIVE_MAGNITUDE_TOLERANCE for r in ratio.values()):
             return effects
         for k, wanted in ratio.items():
             magnitude = effects[k].values[0]
@@ -182,8 +178,8 @@ def reach(
         for k in open_ended
     )
     raise RangeError(
-        f"injected effects did not come within {STRENGTH_TOLERANCE:.0%} of their strengths in "
-        f"{MAX_TRIES} tries: {names}; ask for other strengths or another motion"
+        f"injected effects did not come within {RELATIVE_MAGNITUDE_TOLERANCE:.0%} of their "
+        f"relative magnitudes in {MAX_TRIES} tries: {names}; ask for others or another motion"
     )
 
 
@@ -198,7 +194,7 @@ def injected_in(
 
     `folder` is that of the machine, or its name, as `machine_file` takes it.
     """
-    if all(effect.strength is None for effect in spec.effects):
+    if all(effect.relative_magnitude is None for effect in spec.effects):
         return draw(spec, machine, simulated)
     trajectory = load_trajectory(spec.trajectory or machine_file(DEFAULT_TRAJECTORY, folder))
     clearance = load_clearance(machine_file("clearance.yaml", folder))
@@ -214,7 +210,7 @@ def draw(spec: Spec, machine: Machine, simulated: SimulatedCrane) -> tuple[Injec
         drawn = draw_one(
             np.random.default_rng([spec.seed, index]),
             simulated,
-            InjectedForm(effect.law, effect.joint, (), effect.strength),
+            InjectedForm(effect.law, effect.joint, (), effect.relative_magnitude),
             effect.parameters,
         )
         effects.append(drawn)
@@ -227,9 +223,7 @@ def draw_one(
     wanted: InjectedForm,
     given: Mapping[str, float],
 ) -> InjectedForm:
-    """The effect with the parameters that are `given`, and others drawn; its magnitude is at its
-    start.
-    """
+    """The effect with the `given` parameters, and others drawn; its magnitude is at its start."""
     form, joint = wanted.form, wanted.joint
     drawn = {
         entry.name: entry.between(rng) * _scale(entry.of, simulated, joint) for entry in form.draws
@@ -249,9 +243,7 @@ def moved(
     gains: Gains,
     build: Build | None = None,
 ) -> Clean:
-    """What the machine that `build` makes of `simulated`, by default the `Plant`, does with these
-    effects on the motion.
-    """
+    """Record the motion with these effects, on the machine of `build` (default: `Plant`)."""
     plant = (build or partial(Plant, simulated, machine))(motion.start, effects, 0.0)
     sensors = Sensors(simulated.sensors, machine, 0, faults(effects, machine))
     recording = record(slewing(motion, effects), plant, sensors, gains)
@@ -291,9 +283,9 @@ def _unseen(effect: InjectedForm) -> str:
 def _no_less(effect: InjectedForm, reached: float) -> str:
     return (
         f"injected effect '{effect.form.effect}' ({effect.form.name}) on "
-        f"{effect.joint or 'the machine'} has a strength of {reached:.4f} on this motion, however "
-        f"small its {effect.form.magnitude.name}; {effect.requested} was asked for. Ask for more, "
-        "or take another of its laws"
+        f"{effect.joint or 'the machine'} has a relative magnitude of {reached:.4f} on this "
+        f"motion, however small its {effect.form.magnitude.name}; {effect.requested} was asked "
+        "for. Ask for more, or take another of its laws"
     )
 
 
@@ -303,7 +295,7 @@ def _beyond(
     unit = form.unit(form.magnitude.unit, machine, effect.joint)
     return (
         f"injected effect '{form.effect}' ({form.name}) on {effect.joint or 'the machine'} has a "
-        f"strength of {reached:.4f} on this motion with {form.magnitude.name} = {highest:.6g} "
-        f"{unit}, the most that is plausible; {effect.requested} was asked for. Ask for less, or "
-        "take a motion that shows it"
+        f"relative magnitude of {reached:.4f} on this motion with {form.magnitude.name} = "
+        f"{highest:.6g} {unit}, the most that is plausible; {effect.requested} was asked for. "
+        "Ask for less, or take a motion that shows it"
     )

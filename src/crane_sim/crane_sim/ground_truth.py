@@ -21,16 +21,16 @@ from crane_sim.plant.closed_loop import States, TrueStates
 
 
 class InjectedEffect(Schema):
-    """One effect: of a given strength, or with its magnitude among the `parameters`.
+    """One effect: of a given relative magnitude, or with its magnitude among the `parameters`.
 
-    `strength` is the share of the drive force, rms over rms, that the effect is to have; parameters
-    that are not given are drawn. `form` is the first of the effect by default.
+    `relative_magnitude` is the share of the drive force, rms over rms, that the effect is to have;
+    parameters that are not given are drawn. `form` is the first of the effect by default.
     """
 
     effect: str
     joint: str | None = None
     form: str | None = None
-    strength: Annotated[float, Field(gt=0, le=0.5)] | None = None
+    relative_magnitude: Annotated[float, Field(gt=0, le=0.5)] | None = None
     parameters: dict[str, float] = {}
 
     @model_validator(mode="after")
@@ -49,9 +49,9 @@ class InjectedEffect(Schema):
             raise ValueError(
                 f"'{self.effect}' has the parameters {', '.join(known)}, not {', '.join(unknown)}"
             )
-        if (self.strength is None) != (form.magnitude.name in self.parameters):
+        if (self.relative_magnitude is None) != (form.magnitude.name in self.parameters):
             raise ValueError(
-                f"'{self.effect}': give either its strength or its parameter {known[0]}"
+                f"'{self.effect}': give either its relative_magnitude or its parameter {known[0]}"
             )
         return self
 
@@ -65,7 +65,7 @@ class InjectedEffect(Schema):
 class Spec(Schema):
     """Effects to inject into a machine; `seed` is that of the parameters which are drawn.
 
-    Strengths are those on one period of `trajectory`, by default the packaged excitation.
+    Relative magnitudes are those on one period of `trajectory`, by default the packaged excitation.
     """
 
     seed: int = 0
@@ -110,7 +110,7 @@ def check_joints(spec: Spec, machine: Machine, source: Path | str) -> Spec:
 
 SLIDING_SHARE = 0.02  # of the fastest that a joint moves, above which it slides
 
-# What truly happened in a recording: states, forces and the part of each injected effect in them.
+# True course of a recording: states, forces and the part of each injected effect in them.
 
 
 @dataclass(frozen=True)
@@ -122,15 +122,15 @@ class Clean(States):
     seen_drive: np.ndarray  # (n, j) generalized forces from pressures and positions as seen
     force: np.ndarray  # (k, n, j) part of each effect in `seen_drive`
     flow: np.ndarray  # (k, n, j) part of each effect in the flow into chamber A, m3/s
-    strength_by_joint: np.ndarray  # (k, j) rms of the part over rms of the whole, while it slides
+    relative_magnitude_by_joint: np.ndarray  # (k, j) rms of part over rms of whole, while it slides
 
-    def strength(self, effects: Sequence[InjectedForm], machine: Machine) -> np.ndarray:
+    def relative_magnitude(self, effects: Sequence[InjectedForm], machine: Machine) -> np.ndarray:
         """(k,) on the joint of each effect; of the whole machine where it is strongest."""
         measured = [machine.index(joint) for joint in measured_joints(machine)]
         return np.array(
             [
                 row[measured].max() if effect.joint is None else row[machine.index(effect.joint)]
-                for effect, row in zip(effects, self.strength_by_joint, strict=True)
+                for effect, row in zip(effects, self.relative_magnitude_by_joint, strict=True)
             ]
         )
 
@@ -183,14 +183,12 @@ def clean(
         seen_drive=seen,
         force=force,
         flow=flow,
-        strength_by_joint=_share(force, drive, sliding) + _share(flow, swept, sliding),
+        relative_magnitude_by_joint=_share(force, drive, sliding) + _share(flow, swept, sliding),
     )
 
 
 def _share(part: np.ndarray, whole: np.ndarray, sliding: np.ndarray) -> np.ndarray:
-    """(k, j): rms of (k, n, j) over rms of (n, j) in samples that are `sliding` (n, j); 0 where the
-    whole is nil, or the joint does not move.
-    """
+    """(k, j): rms of (k, n, j) over rms of (n, j) in `sliding` samples (n, j); 0 if nil."""
     rms = np.sqrt((sliding * whole**2).sum(axis=0))
     return np.sqrt((sliding * part**2).sum(axis=1)) / np.where(rms > 0.0, rms, np.inf)
 
@@ -206,7 +204,7 @@ class TrueParameter(ResultPart):
     name: str
     """As in a spec."""
     value: float
-    """What the machine has [unit]."""
+    """Value of the machine [unit]."""
     unit: str
     """SI; `1` for a ratio."""
 
@@ -223,12 +221,12 @@ class TrueEffect(ResultPart):
     form: str
     """The law that it follows in the simulated crane."""
     parameters: list[TrueParameter]
-    """Of that law."""
-    strength_requested: Number
+    """Parameters of that model form."""
+    relative_magnitude_requested: Number
     """Rms of its force over that of the drive, asked for while its joint slides [-]; null: none."""
-    strength: float
+    relative_magnitude: float
     """The same as reached [-]."""
-    strength_by_joint: dict[str, float]
+    relative_magnitude_by_joint: dict[str, float]
     """As reached on each joint [-]."""
 
 
@@ -238,7 +236,7 @@ class GroundTruth(ResultFile):
     bag: str
     """Name of its folder."""
     seed: int
-    """Of its noise [-]."""
+    """Seed of its noise [-]."""
     clean: str
     """File beside the ground truth with the forces of the effects, without noise."""
     machine: str
@@ -250,9 +248,9 @@ class GroundTruth(ResultFile):
 def ground_truth(
     effects: Sequence[InjectedForm], clean: Clean, machine: Machine
 ) -> list[TrueEffect]:
-    """One entry an effect: what it is, its parameters, and the strength asked for and reached."""
+    """One entry an effect: form, parameters, requested and reached magnitude."""
     entries = []
-    reached = clean.strength(effects, machine)
+    reached = clean.relative_magnitude(effects, machine)
     for k, effect in enumerate(effects):
         form = effect.form
         described = [(form.magnitude.name, form.magnitude.unit)]
@@ -269,10 +267,10 @@ def ground_truth(
                     )
                     for (name, unit), value in zip(described, effect.values, strict=True)
                 ],
-                strength_requested=effect.requested,
-                strength=float(reached[k]),
-                strength_by_joint={
-                    joint: float(clean.strength_by_joint[k, machine.index(joint)])
+                relative_magnitude_requested=effect.requested,
+                relative_magnitude=float(reached[k]),
+                relative_magnitude_by_joint={
+                    joint: float(clean.relative_magnitude_by_joint[k, machine.index(joint)])
                     for joint in measured_joints(machine)
                 },
             )
@@ -295,7 +293,7 @@ def check_place(path: Path, bag: Path) -> None:
 
 
 def clean_path(path: Path) -> Path:
-    """Where the arrays lie that belong to a ground truth."""
+    """Path of the arrays of a ground truth."""
     return path.with_suffix(".npz")
 
 

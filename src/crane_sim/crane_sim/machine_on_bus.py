@@ -52,7 +52,7 @@ class ValveUnit:
         self._commands.update(readings.commands)
         if readings.counter is not None:
             self.accepted[readings.message] = readings.counter
-        # Where a machine has no enable signal, its valves follow every command.
+        # Without an enable signal, the valves of a machine follow every command.
         if readings.enabled is False:
             self.state = NEUTRAL
         elif self.state is not COMMAND_TIMEOUT or readings.enabled is None:
@@ -70,7 +70,7 @@ class ValveUnit:
             self.state = COMMAND_TIMEOUT
 
 
-# What an operator does at the machine itself: its levers, its engine, and plugs that he pulls.
+# Actions of an operator at the machine itself: its levers, its engine, and plugs that he pulls.
 
 
 class Operator:
@@ -163,7 +163,7 @@ class MachineOnBus:
                 f"the mapping has the pressures {', '.join(absent)}, but the simulated crane "
                 f"measures {', '.join(sorted(self._measured))}; take them out of the mapping"
             )
-        # What devices say of themselves; all but the valve unit that they are well.
+        # Reports of devices; all but the valve unit report that they are well.
         self._states = {
             state.name: state.label(min(state.healthy))
             for message in layout.readings

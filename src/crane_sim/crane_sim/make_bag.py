@@ -41,12 +41,11 @@ from crane_sim.calibration import injected_in, slewing
 from crane_sim.effects.form import InjectedForm, SensorFault
 from crane_sim.effects.sensing import faults
 from crane_sim.ground_truth import Clean, check_place, clean, load_injected, write_ground_truth
-from crane_sim.options import add_faults, add_plant, load_both
-from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim.parts.parameters import SimulatedCrane, add_plant, load_both
 from crane_sim.plant.closed_loop import REST_S, Course, SimulatedRecording, Steps, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Build, Sensors
-from crane_sim.sensor_faults import Faults, parse
+from crane_sim.sensor_faults import Faults, add_faults, parse
 from crane_sim.work import Joysticks, WorkShift, load_work
 from crane_trajectory.control.choice import NAMES, PD_DEAD_BAND, controller
 from crane_trajectory.control.controller import Controller, Gains, load_gains
@@ -103,12 +102,7 @@ def write_bag(
         description.write(int(stamps[0]), text)
         series = {
             states: (recording.position, recording.velocity, tau),
-            cylinders: (
-                pressures.chamber_a,
-                pressures.chamber_b,
-                pressures.supply,
-                pressures.tank,
-            ),
+            cylinders: (pressures.chamber_a, pressures.chamber_b, pressures.supply, pressures.tank),
             commands: (recording.command,),
         }
         if np.isfinite(reference.position).any():  # an operator follows none
@@ -190,8 +184,6 @@ def date(text: str) -> datetime:
 
 @dataclass(frozen=True)
 class _Request:
-    """The command line."""
-
     trajectory: Path | None
     periods: int | None
     work: float | None

@@ -1,5 +1,6 @@
 """Sensors and valves that fail while the crane works, and how a user writes their faults."""
 
+import argparse
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_sim.effects.form import measured_joints
 
-# What becomes of the signal of a part that fails: one value after another, from the onset on.
+# Signals of a part that fails: one value after another, from the onset on.
 
 
 class FaultLaw(ABC):
@@ -23,7 +24,7 @@ class FaultLaw(ABC):
 
     @abstractmethod
     def shown(self, since: float, value: float) -> float:
-        """What comes of `value`; called in the order of time."""
+        """Reading in place of `value`; called in the order of time."""
 
 
 class StuckLaw(FaultLaw):
@@ -70,7 +71,7 @@ class ScaleLaw(FaultLaw):
 
 
 class LostCountsLaw(FaultLaw):
-    """Of every way up, the share `size` is not counted; what is lost stays lost."""
+    """The share `size` of every upward motion is not counted, and stays lost."""
 
     _last: float | None = None
     _lost = 0.0
@@ -90,7 +91,7 @@ class NoiseLaw(FaultLaw):
 
 
 class BacklashLaw(FaultLaw):
-    """What shows it hangs in a play of width `size`, and is taken along at its ends."""
+    """The reading hangs in a play of width `size`, and is taken along at its ends."""
 
     _follower: float | None = None
 
@@ -173,7 +174,6 @@ class TimedFault(NamedTuple):
 
     @property
     def place(self) -> str:
-        """Which sensor or valve."""
         return f"{self.target}.{self.part}"
 
     def __str__(self) -> str:
@@ -183,7 +183,7 @@ class TimedFault(NamedTuple):
 
 
 def parse(text: str, machine: Machine) -> TimedFault:
-    """What a user wrote, `inner_boom.encoder.jump=0.02@12.5`; `ConfigurationError` says why not."""
+    """Parse a fault, `inner_boom.encoder.jump=0.02@12.5`; `ConfigurationError` gives the reason."""
 
     def refused(why: str) -> ConfigurationError:
         return ConfigurationError(f"fault '{text.strip()}': {why}")
@@ -217,8 +217,21 @@ def parse(text: str, machine: Machine) -> TimedFault:
     return TimedFault(target, part, kind, size, onset)
 
 
+def add_faults(parser: argparse.ArgumentParser) -> None:
+    """`--fault`, once for each."""
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="TARGET.PART.KIND[=SIZE][@SECONDS]",
+        help="a sensor or valve that fails, as JOINT.encoder.stuck@12.5, seconds after the "
+        "beginning; may be repeated. Of a joint: encoder, pressure_a, pressure_b, pressures, "
+        "valve; of the supply: supply.pressure. A wrong one is answered with what there is",
+    )
+
+
 def parts_of(machine: Machine) -> dict[str, tuple[str, ...]]:
-    """What can fail of each joint and of the supply."""
+    """Parts of each joint and of the supply that can fail."""
     measured = measured_joints(machine)
     return {
         joint: (ENCODER, *((*CHAMBERS, BOTH_CHAMBERS) if joint in measured else ()), VALVE_PART)
@@ -228,7 +241,7 @@ def parts_of(machine: Machine) -> dict[str, tuple[str, ...]]:
 
 # Sensors and valves that fail while the crane works, one or several, from a moment on.
 #
-# What a sensor does wrong is done to its readings, behind its noise: a stuck one shows one count
+# Sensor faults act on the readings, behind their noise: a stuck one shows one count
 # for ever. The devices around them stay as they are: counters and checksums on a bus go on.
 
 
@@ -269,9 +282,7 @@ class Faults:
         zero: float = 0.0,
         leaks: bool = True,
     ):
-        """`faults` as `parse` reads them; their onsets count from `zero` [s]; `leaks` says whether
-        this plant's pistons can.
-        """
+        """`faults` as of `parse`, from `zero` [s] on; `leaks`: whether pistons of the plant can."""
         self._machine, self._zero, self._leaks = machine, zero, leaks
         self._joints, self._measured = machine.joint_names, measured_joints(machine)
         self._rng = np.random.default_rng([seed, 1])
@@ -309,7 +320,7 @@ class Faults:
         return self._changed(ENCODER, time, q)
 
     def commands(self, time: float, u: np.ndarray) -> np.ndarray:
-        """What spools make of commands (j,), from a time [s] on."""
+        """Commands (j,) after faults of the spools, from a time [s] on."""
         return self._changed(VALVE_PART, time, u)
 
     def passed(self, time: float) -> np.ndarray:
@@ -343,7 +354,6 @@ class Faults:
         return chambers[CHAMBERS[0]], chambers[CHAMBERS[1]], shown_supply
 
     def _changed(self, part: str, time: float, values: np.ndarray) -> np.ndarray:
-        """The values themselves where nothing fails."""
         if not self._running:
             return values
         changed = np.array(values, dtype=float)

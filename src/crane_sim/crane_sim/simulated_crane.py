@@ -27,11 +27,11 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_nodes.this_computer import PATIENCE_S, RealTime, RealTimeSettings
 from crane_sim.machine_on_bus import MachineOnBus, Operator
-from crane_sim.options import add_faults, add_plant, load_both
+from crane_sim.parts.parameters import add_plant, load_both
 from crane_sim.plant.closed_loop import IdentifiedPlant
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import MachineInMotion, Sensors
-from crane_sim.sensor_faults import Faults
+from crane_sim.sensor_faults import Faults, add_faults
 
 REPORT_S = 1.0  # at least between two reports
 MAX_BACKLOG_CYCLES = 10  # that are run one upon the other after a delay
@@ -150,7 +150,6 @@ class LockStep:
 
     @property
     def summary(self) -> str:
-        """How fast it went."""
         simulated = (self.time - START_NS) / NANOSECONDS
         real = time.monotonic() - self._begun
         return f"{simulated:.1f} s of simulated time in {real:.1f} s"
@@ -158,8 +157,6 @@ class LockStep:
 
 @dataclass(frozen=True)
 class _Request:
-    """The command line."""
-
     interface: str
     channel: str
     bitrate: int  # bit/s

@@ -27,9 +27,8 @@ from crane_model.machine import Machine
 from crane_model.terms.rigid_body import SerialRigidBody
 from crane_model.terms.term import Setting
 from crane_sim.effects.form import measured_joints
-from crane_sim.options import add_plant, load_both
 from crane_sim.parts.constants import pack_chain
-from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim.parts.parameters import SimulatedCrane, add_plant, load_both
 
 # The true hydraulics: what `identify` is to find of valves, oil and cylinders.
 #
@@ -190,8 +189,6 @@ def _about(link: np.void, point: np.ndarray, along: np.ndarray, axis: np.ndarray
 
 @dataclass(frozen=True)
 class _Request:
-    """The command line."""
-
     plant: Path | None
     machine: str | None
     json: bool

@@ -105,7 +105,6 @@ class Joysticks:
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:
-        """He is always well."""
         return (ControlCondition.FOLLOWING,) * len(self._lever)
 
     def _decide(self, reading: SensorReading) -> None:

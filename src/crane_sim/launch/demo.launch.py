@@ -13,10 +13,7 @@ CRANE = {
     "record": "New folder to record to; empty: nothing is recorded",
     "tf": "true: robot_state_publisher gives the frames of all links",
 }
-MODEL = {
-    "model": "Model file to identify",
-    "model_output": "File that ~/save_model writes",
-}
+MODEL = {"model": "Model file to identify", "model_output": "File that ~/save_model writes"}
 ARGUMENTS = COMMON | CRANE | MODEL
 
 

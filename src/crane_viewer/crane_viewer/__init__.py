@@ -10,6 +10,4 @@ if TYPE_CHECKING:
     from crane_viewer.scene import side_outline as side_outline
     from crane_viewer.view import View as View
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__, {"scene": ("ground_arc", "reached_places", "side_outline"), "view": ("View",)}
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

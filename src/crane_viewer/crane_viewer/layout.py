@@ -131,7 +131,7 @@ def _space(machine: Machine) -> rrb.Spatial3DView:
 
 
 def _eye(machine: Machine) -> tuple[np.ndarray, np.ndarray]:
-    """Where to look from, and to: all that is reached, from the side and slightly the front."""
+    """Position of the eye and its target: all that is reached, slightly from the front."""
     places = reached_places(machine)
     low, high = places.min(axis=0), places.max(axis=0)
     reach = float(np.hypot(places[:, 0], places[:, 1]).max())

@@ -23,7 +23,7 @@ def position(joint: str) -> str:
 
 
 def reference(joint: str) -> str:
-    """What the controller follows [rad or m]."""
+    """Topic of the controller's reference [rad or m]."""
     return f"positions/{joint}/reference"
 
 

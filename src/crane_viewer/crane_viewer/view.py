@@ -47,7 +47,7 @@ SHOWN = tuple(topic for topic in TOPICS if topic not in NOT_SHOWN)
 
 
 class PlottedLines(NamedTuple):
-    """What is plotted at one place: stamps (n,) [ns], and (n, k) values of its k lines."""
+    """Lines plotted at one place: stamps (n,) [ns], and (n, k) values of its k lines."""
 
     path: str
     stamps: np.ndarray
@@ -85,7 +85,6 @@ def signals(topic: Topic, table: Table, joints: tuple[str, ...]) -> Iterator[Plo
 
 
 def _present(path: str, table: Table, values: np.ndarray) -> Iterator[PlottedLines]:
-    """The rows that hold a number."""
     values = values.reshape(len(table.stamp), -1)
     rows = np.isfinite(values).any(axis=1)
     if rows.any():
@@ -133,7 +132,7 @@ class Diagnostics:
         self._before: dict[str, tuple[int, str]] = {}
 
     def events(self, message: Any) -> Iterable[LogLine]:
-        """What has changed with a DiagnosticArray; that all is well is told only after trouble."""
+        """Changes with a DiagnosticArray; that all is well is reported only after trouble."""
         for status in message.status:
             level = status.level if isinstance(status.level, int) else status.level[0]
             now = (int(level), status.message)

@@ -45,7 +45,6 @@ class Server:
 
     @property
     def data(self) -> str:
-        """Where data are sent to, and where Rerun's own window finds them."""
         return f"rerun+http://{self._reached}:{self._port}/proxy"
 
     @property
@@ -98,7 +97,7 @@ class Server:
         self._home.cleanup()
 
     def _require_free_ports(self) -> None:
-        """What listens there already would answer in the place of the server."""
+        """Raise an error if a port is taken: another process would answer for the server."""
         for port in (self._port, self._web_port):
             with socket.socket() as probe:
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -168,7 +167,7 @@ def show_bag(view: View, machine: Machine, bag: Path) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class ViewRequest:
-    """What the command line asks for."""
+    """Request of the command line."""
 
     bag: Path | None  # None: the topics
     machine: str | None

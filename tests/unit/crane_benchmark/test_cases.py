@@ -5,9 +5,9 @@ import pytest
 from crane_benchmark.cases.case import CaseKind, EffectToHide, Simulator, Story, World
 from crane_benchmark.cases.case_sets import (
     ABSORBED,
+    RELATIVE_MAGNITUDES,
     SHARES,
     STORIES,
-    STRENGTHS,
     CaseSet,
     apportioned,
     cases,
@@ -37,10 +37,10 @@ def test_kinds_have_their_shares_and_names_tell_nothing(simulator):
         kind: round(200 * share) for kind, share in SHARES.items()
     }
     assert len(set(kinds[:20])) > 2  # sorted by name, not by kind
-    single = [case.effects[0].strength for case in drawn if case.kind is CaseKind.SINGLE]
-    counts = [single.count(strength) for strength in STRENGTHS]
+    single = [case.effects[0].relative_magnitude for case in drawn if case.kind is CaseKind.SINGLE]
+    counts = [single.count(relative_magnitude) for relative_magnitude in RELATIVE_MAGNITUDES]
     assert max(counts) - min(counts) <= 1 and sum(counts) == len(single)
-    assert STRENGTHS[-1] == 0.16
+    assert RELATIVE_MAGNITUDES[-1] == 0.16
     assert all(len({e.effect for e in c.effects}) == 2 for c in drawn if c.kind is CaseKind.PAIR)
     assert {case.world for case in drawn} == set(World)
 
@@ -90,8 +90,8 @@ def test_effects_of_a_story_that_no_motion_shows_are_told_anew():
     for case in cases(CaseSet.STRANGERS, 12):
         again = with_others(case, 4)
         assert (again.name, again.seed, again.story) == (case.name, case.seed, case.story)
-        assert [effect.strength for effect in again.effects] == [
-            effect.strength for effect in case.effects
+        assert [effect.relative_magnitude for effect in again.effects] == [
+            effect.relative_magnitude for effect in case.effects
         ]
 
 
@@ -115,7 +115,9 @@ def test_families_have_three_laws_each_of_which_two_draws_differ(simulator):
         assert len({law.law for law in laws}) >= 3, effect
         for law in laws:
             joint = next(iter(law.where.joints(LABORATORY_CRANE)), None)
-            wanted = (EffectToHide(effect=effect, joint=joint, form=law.name, strength=0.04),)
+            wanted = (
+                EffectToHide(effect=effect, joint=joint, form=law.name, relative_magnitude=0.04),
+            )
             first, second = (
                 drawn_effects(simulator, wanted, simulated, seed)[0] for seed in (1, 2)
             )

@@ -34,9 +34,9 @@ def labelled(name: str, joint: str | None, form: str = "any", **values: float) -
         parameters=[
             TrueParameter(name=name, value=value, unit="1") for name, value in values.items()
         ],
-        strength_requested=None,
-        strength=0.0,
-        strength_by_joint={},
+        relative_magnitude_requested=None,
+        relative_magnitude=0.0,
+        relative_magnitude_by_joint={},
     )
 
 
@@ -80,12 +80,14 @@ def presliding(travel: float, tmp_path) -> CaseTruth:
         seen_drive=drive,
         force=lost,
         flow=np.zeros_like(lost),
-        strength_by_joint=np.zeros((1, 4)),
+        relative_magnitude_by_joint=np.zeros((1, 4)),
     )
     save_clean(tmp_path / "train-0.npz", clean)
     seen = load_seen([tmp_path / "train-0.npz"], [[0]], 1)
     assert seen.used[:, planar].mean() > 0.9
-    effect = EffectToHide(effect="presliding", joint=JOINT, form="bouc_wen", strength=0.02)
+    effect = EffectToHide(
+        effect="presliding", joint=JOINT, form="bouc_wen", relative_magnitude=0.02
+    )
     case = Case(name="presliding", kind=CaseKind.SINGLE, seed=(0, 0), effects=(effect,))
     return CaseTruth(case, SIMULATED, (), seen, seen)
 

@@ -80,12 +80,12 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
         (CaseKind.INSUFFICIENT, [STRIBECK], answer("ambiguous", (LOAD, STRIBECK)), Judgement.RIGHT),
         (CaseKind.INSUFFICIENT, [STRIBECK], answer("named", (LOAD,)), Judgement.WRONG_NAME),
         (
-            CaseKind.CLASS,
+            CaseKind.AMBIGUOUS,
             [],
             answer("ambiguous", (("offset", "telescope"), ("coulomb_asymmetry", "telescope"))),
             Judgement.RIGHT,
         ),
-        (CaseKind.CLASS, [], answer("named", (("offset", "telescope"),)), Judgement.WRONG_NAME),
+        (CaseKind.AMBIGUOUS, [], answer("named", (("offset", "telescope"),)), Judgement.WRONG_NAME),
     ],
 )
 def test_answers_are_judged(kind, hidden, given, outcome):
@@ -140,8 +140,8 @@ def test_a_class_of_effects_that_explain_as_well_is_right():
 def test_twins_may_have_a_further_one_that_explains_as_well():
     gain = ("chamber_gain", "telescope")
     given = answer("ambiguous", (("offset", "telescope"), ("coulomb_asymmetry", "telescope"), gain))
-    assert judge(CaseKind.CLASS, [], given, lambda _, rival: rival == gain) is Judgement.RIGHT
-    assert judge(CaseKind.CLASS, [], given, lambda *_: False) is Judgement.TOO_WIDE
+    assert judge(CaseKind.AMBIGUOUS, [], given, lambda _, rival: rival == gain) is Judgement.RIGHT
+    assert judge(CaseKind.AMBIGUOUS, [], given, lambda *_: False) is Judgement.TOO_WIDE
 
 
 def test_twins_may_have_a_further_law_of_what_is_hidden():
@@ -156,9 +156,9 @@ def test_twins_may_have_a_further_law_of_what_is_hidden():
         ((("pressure_drift", "inner_boom"),), Judgement.WRONG_NAME),
     ):
         given = answer("ambiguous", further, class_)
-        assert judge(CaseKind.CLASS, hidden, given, lambda *_: False) is outcome
+        assert judge(CaseKind.AMBIGUOUS, hidden, given, lambda *_: False) is outcome
     given = answer("named", (drift,))
-    assert judge(CaseKind.CLASS, hidden, given, lambda *_: False) is Judgement.WRONG_NAME
+    assert judge(CaseKind.AMBIGUOUS, hidden, given, lambda *_: False) is Judgement.WRONG_NAME
 
 
 def test_findings_are_read_with_their_classes():

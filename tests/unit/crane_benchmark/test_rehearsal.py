@@ -21,7 +21,7 @@ from crane_identification.report.summary import ParameterSummary
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.options import load_both
+from crane_sim.parts.parameters import load_both
 
 MACHINE = load_machine("single_axis")
 

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from crane_benchmark.answers.answer_cases import AnswerStatistics
 from crane_benchmark.cases.case import Case, Simulator, Story
-from crane_benchmark.cases.case_sets import STRENGTHS, CaseSet, cases
+from crane_benchmark.cases.case_sets import RELATIVE_MAGNITUDES, CaseSet, cases
 from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
 from crane_benchmark.scores import figures, published
 from crane_benchmark.scores.figures import agreement, together
@@ -57,7 +57,7 @@ def test_gates_share_the_alarms_that_are_allowed():
 
 def made_up(case: Case) -> CaseRow:
     """A row of the results: whatever is hidden is found from 2 % on."""
-    found = [e for e in case.effects if e.strength >= 0.02]
+    found = [e for e in case.effects if e.relative_magnitude >= 0.02]
     right = (not case.effects and not case.off) or bool(found)
     named = tuple(((e.effect, e.joint or "all"),) for e in found)
     return CaseRow(
@@ -97,7 +97,7 @@ def statistics(
         score=best,
         accepted=0.0,
         learner=learner,
-        strength=0.0,
+        relative_magnitude=0.0,
         floor=0.0,
         sample_noise=1.0,
         pulsation=0.0,
@@ -112,8 +112,8 @@ def test_results_of_all_kinds_are_summed_up_printed_and_drawn(tmp_path):
     found = summary(rows)
     ours, baseline = found.methods["diagnose"], found.methods["always Stribeck"]
     assert (ours.false_alarms.rate, baseline.false_alarms.rate) == (0.0, 1.0)
-    assert [ours.power[s].rate for s in STRENGTHS] == [0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
-    assert [found.learner.power[s].rate for s in STRENGTHS] == [0, 0, 1, 1, 1, 1]
+    assert [ours.power[s].rate for s in RELATIVE_MAGNITUDES] == [0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
+    assert [found.learner.power[s].rate for s in RELATIVE_MAGNITUDES] == [0, 0, 1, 1, 1, 1]
     weak = [row for row in rows if row.above_noise and row.answers["diagnose"].verdict == "none"]
     assert ours.false_reassurance.count == len(weak) > 0
     assert baseline.false_reassurance.count == 0  # it always names something

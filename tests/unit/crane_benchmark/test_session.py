@@ -39,7 +39,9 @@ class Still:
 def made(
     seed: int, carried: Carried = Carried.ALL, world: World = World.FIELD, warm: bool = False
 ) -> list[SessionRecording]:
-    load = EffectToHide(effect="payload", joint=None, form="body", strength=0.04, carried=carried)
+    load = EffectToHide(
+        effect="payload", joint=None, form="body", relative_magnitude=0.04, carried=carried
+    )
     case = Case(
         name="a", kind=CaseKind.SINGLE, seed=(0, seed), effects=(load,), world=world, warm=warm
     )

@@ -50,10 +50,10 @@ def test_imports_point_one_way(package: str) -> None:
         assert not forbidden, f"{file.relative_to(ROOT)} imports {', '.join(sorted(forbidden))}"
 
 
-def test_no_rooms_import_each_other_in_a_circle() -> None:
-    rooms = Imports.of(ROOT).rooms
-    assert len(rooms) > 50
-    TopologicalSorter(rooms).prepare()  # CycleError names them
+def test_no_components_import_each_other_in_a_cycle() -> None:
+    components = Imports.of(ROOT).components
+    assert len(components) > 50
+    TopologicalSorter(components).prepare()  # CycleError names them
 
 
 NODE_SIDE = ("_node", "_action", "parameters", "topics", "condition")

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_model.chain import regressor
 from crane_model.chain.body_regressor import (
     COS,
     FAR_ANGLE_RAD,
     LANES,
     MOVED,
     SIN,
+    regressor,
     set_near_turn,
     set_turn,
 )

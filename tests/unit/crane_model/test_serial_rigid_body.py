@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from unit.crane_model.pinocchio_chain import random_bodies
 
-from crane_model import chain as chains
 from crane_model.base_parameters import base_set, reveal_rank
+from crane_model.chain import body_regressor, dynamics
 from crane_model.cylinders import (
     cylinder_forces_from_generalized,
     generalized_from_actuators,
@@ -49,7 +49,7 @@ def test_base_parameters_are_all_that_the_motion_determines(name: str) -> None:
     term = SerialRigidBody()
     bodies = random_bodies(len(machine.joints), np.random.default_rng(1))
     states = record.position, record.velocity, record.acceleration
-    whole = chains.regressor(machine.chain, *states)
+    whole = body_regressor.regressor(machine.chain, *states)
     columns = term.columns(record, of)
     base = base_set(machine, machine.joint_names)
     expected = whole @ bodies.ravel()
@@ -166,7 +166,7 @@ def test_joints_that_the_model_lacks_stand_still(machine: Machine) -> None:
     q, v, a = np.zeros((3, SAMPLES, 4))
     q[:, 2:], v[:, 2:], a[:, 2:] = record.position, record.velocity, record.acceleration
     bodies = random_bodies(4, np.random.default_rng(4))
-    expected = chains.inverse_dynamics(machine.chain, bodies, q, v, a)[:, 2:]
+    expected = dynamics.inverse_dynamics(machine.chain, bodies, q, v, a)[:, 2:]
     theta = base_set(machine, joints).combination @ bodies.ravel()
     np.testing.assert_allclose(term.columns(record, of) @ theta, expected, atol=1e-8)
 

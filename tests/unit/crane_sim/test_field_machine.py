@@ -13,8 +13,7 @@ from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import InertialSensor
 from crane_sim.make_bag import main
-from crane_sim.options import load_both
-from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim.parts.parameters import SimulatedCrane, load_both
 from crane_sim.plant.plant import DeadTime, Plant
 from crane_sim.plant.sampled import InertialSensors
 from crane_sim.work import load_work

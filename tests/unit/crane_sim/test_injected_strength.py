@@ -1,4 +1,4 @@
-"""Injected effects in a machine that moves: balance of forces, strength, and what is refused."""
+"""Injected effects in a machine that moves: balance of forces, magnitudes, and refusals."""
 
 import re
 from dataclasses import dataclass
@@ -155,7 +155,7 @@ def test_forces_of_all_effects_close_the_balance(
         assert len(rest) > 500
         assert np.sqrt(np.mean(rest**2)) < 2e-3 * drive[i], joint
     assert clean.force.shape == (len(effects), len(clean.time), len(JOINTS))
-    assert (clean.strength(effects, machine) > 1e-4).all()
+    assert (clean.relative_magnitude(effects, machine) > 1e-4).all()
 
 
 def test_strength_comes_as_wanted(
@@ -165,23 +165,23 @@ def test_strength_comes_as_wanted(
     spec = Spec(
         seed=4,
         effects=(
-            InjectedEffect(effect="presliding", joint="inner_boom", strength=0.02),
-            InjectedEffect(effect="crosstalk", joint="telescope", strength=0.04),
+            InjectedEffect(effect="presliding", joint="inner_boom", relative_magnitude=0.02),
+            InjectedEffect(effect="crosstalk", joint="telescope", relative_magnitude=0.04),
         ),
     )
     effects = calibrate(spec, machine, simulated, motion, gains)
     clean = moved(effects, machine, simulated, motion, gains)
-    np.testing.assert_allclose(clean.strength(effects, machine), [0.02, 0.04], rtol=0.15)
+    np.testing.assert_allclose(clean.relative_magnitude(effects, machine), [0.02, 0.04], rtol=0.15)
     first, second = ground_truth(effects, clean, machine)
     assert (first.effect, second.effect, second.name) == (
         "presliding", "outside", "crosstalk",
     )  # fmt: skip
     assert first.joint == "inner_boom"
-    assert first.strength_requested == 0.02
+    assert first.relative_magnitude_requested == 0.02
     speed = np.abs(clean.velocity[:, 3])
     slides = speed > 0.02 * speed.max()
     rms = np.sqrt((clean.force[1, slides, 3] ** 2).mean() / (clean.drive[slides, 3] ** 2).mean())
-    assert second.strength == pytest.approx(rms)
+    assert second.relative_magnitude == pytest.approx(rms)
     assert [entry.unit for entry in first.parameters] == ["rad", "1", "s"]
 
 
@@ -201,7 +201,7 @@ def test_what_cannot_be_reached_is_refused_by_name(
     machine: Machine, simulated: SimulatedCrane, motion: Strokes, gains: Gains
 ) -> None:
     """Centrifugal force is weak within the limits of the slew."""
-    spec = Spec(effects=(InjectedEffect(effect="slew_coupling", strength=0.2),))
+    spec = Spec(effects=(InjectedEffect(effect="slew_coupling", relative_magnitude=0.2),))
     with pytest.raises(RangeError, match=r"slew_coupling.*0\.38 rad/s.*0\.2 was asked"):
         calibrate(spec, machine, simulated, motion, gains)
 
@@ -211,7 +211,9 @@ def test_a_motion_that_shows_nothing_is_refused_at_once(
 ) -> None:
     """Cushions of the ends, half a meter away from them."""
     spec = Spec(
-        effects=(InjectedEffect(effect="end_cushioning", joint="telescope", strength=0.02),)
+        effects=(
+            InjectedEffect(effect="end_cushioning", joint="telescope", relative_magnitude=0.02),
+        )
     )
     start = simulated.start.copy()
     limits = machine.limits["telescope"]
@@ -225,7 +227,7 @@ def test_an_effect_that_cannot_be_so_weak_is_refused_before_all_tries(
 ) -> None:
     """The corner of an overlap stays, however narrow its band is."""
     effect = InjectedEffect(
-        effect="valve_dead_band", form="soft_overlap", joint="telescope", strength=1e-4
+        effect="valve_dead_band", form="soft_overlap", joint="telescope", relative_magnitude=1e-4
     )
     builds = 0
 
@@ -247,7 +249,7 @@ def test_parameters_are_drawn_from_the_seed_or_given(
 
     def drawn(seed: int, **parameters: float) -> InjectedForm:
         effect = InjectedEffect(
-            effect="stribeck", joint="telescope", strength=0.02, parameters=parameters
+            effect="stribeck", joint="telescope", relative_magnitude=0.02, parameters=parameters
         )
         return draw(Spec(seed=seed, effects=(effect,)), machine, simulated)[0]
 
@@ -265,7 +267,7 @@ def test_the_sign_is_drawn_where_either_is_possible(
     """Zeros of transducers read too much or too little; friction is friction."""
 
     def signs(effect: str) -> set[float]:
-        entry = InjectedEffect(effect=effect, joint="telescope", strength=0.02)
+        entry = InjectedEffect(effect=effect, joint="telescope", relative_magnitude=0.02)
         return {
             float(np.sign(draw(Spec(seed=seed, effects=(entry,)), machine, simulated)[0].values[0]))
             for seed in range(20)
@@ -300,25 +302,28 @@ def test_the_page_of_effects_lists_every_effect_with_its_forms(machine: Machine)
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ("effect: ghost, strength: 0.1", "no effect 'ghost'"),
-        ("effect: stribeck, joint: telescope, strength: 0.1, form: exp", "no form 'exp'"),
+        ("effect: ghost, relative_magnitude: 0.1", "no effect 'ghost'"),
+        ("effect: stribeck, joint: telescope, relative_magnitude: 0.1, form: exp", "no form 'exp'"),
         (
-            "effect: stribeck, strength: 0.1",
+            "effect: stribeck, relative_magnitude: 0.1",
             r"spec\.yaml: 'stribeck' acts on a joint, whose pres.* joint of inner_boom",
         ),
         (
-            "effect: stribeck, joint: slew, strength: 0.1",
+            "effect: stribeck, joint: slew, relative_magnitude: 0.1",
             r"spec\.yaml: 'stribeck' acts on a joint, whose pres.* joint of inner_boom",
         ),
         (
-            "effect: encoder_offset, joint: telescope, strength: 0.1",
+            "effect: encoder_offset, joint: telescope, relative_magnitude: 0.1",
             r"acts on a joint that turns, .* joint of inner_boom, outer_boom; got 'tel",
         ),
-        ("effect: payload, joint: telescope, strength: 0.1", "give no joint"),
-        ("effect: payload", "either its strength or its parameter mass"),
-        ("effect: payload, strength: 0.1, parameters: {mass: 3}", "either its strength"),
-        ("effect: payload, strength: 0.1, parameters: {weight: 3}", "not weight"),
-        ("effect: payload, strength: -0.1", "strength"),
+        ("effect: payload, joint: telescope, relative_magnitude: 0.1", "give no joint"),
+        ("effect: payload", "either its relative_magnitude or its parameter mass"),
+        (
+            "effect: payload, relative_magnitude: 0.1, parameters: {mass: 3}",
+            "either its relative_magnitude",
+        ),
+        ("effect: payload, relative_magnitude: 0.1, parameters: {weight: 3}", "not weight"),
+        ("effect: payload, relative_magnitude: -0.1", "relative_magnitude"),
     ],
 )
 def test_wrong_specifications_are_refused_by_name(

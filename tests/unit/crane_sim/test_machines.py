@@ -25,10 +25,9 @@ from crane_sim.effects.form import Where
 from crane_sim.effects.sensing import faults
 from crane_sim.ground_truth import InjectedEffect, Spec, check_joints, clean
 from crane_sim.machine_on_bus import MachineOnBus
-from crane_sim.options import load_both
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.mujoco_model import chain_positions, machine_spec
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
+from crane_sim.parts.parameters import SimulatedCrane, load_both, load_simulated_crane
 from crane_sim.parts.rigid_bodies import mass_and_bias
 from crane_sim.plant.closed_loop import REST_S, record
 from crane_sim.plant.plant import Plant
@@ -242,7 +241,7 @@ def test_every_link_needs_a_body() -> None:
 def test_effects_are_refused_where_a_machine_has_no_place_for_them(
     effect: dict[str, Any], message: str
 ) -> None:
-    spec = Spec(effects=(InjectedEffect(strength=0.05, **effect),))
+    spec = Spec(effects=(InjectedEffect(relative_magnitude=0.05, **effect),))
     with pytest.raises(ConfigurationError, match=message):
         check_joints(spec, load_machine("excavator"), "spec.yaml")
 

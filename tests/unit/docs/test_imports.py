@@ -1,4 +1,4 @@
-"""Imports are read from the source: rooms, floors, arrows up, circles; and drawn whole."""
+"""Imports are read from the source: components, floors, arrows up, circles; and drawn whole."""
 
 import re
 
@@ -36,7 +36,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Imports:
 
 def test_rooms_are_folders_and_modules_at_the_root(found: Imports) -> None:
     assert found.packages == ["crane_model", "crane_bags", "crane_sim"]
-    assert found.rooms == {
+    assert found.components == {
         "crane_model.arm": set(),
         "crane_model.terms": {"crane_model.arm"},
         "crane_bags.reader": {"crane_bags.layout", "crane_model.terms"},
@@ -58,8 +58,8 @@ def test_numbers_tell_arrows_up_and_circles(found: Imports) -> None:
     rows = {row.shown[0]: row.values for row in found.rows()}
     bags, sim = rows["`crane_bags`"], rows["`crane_sim`"]
     assert (bags["leaving"], bags["up"], bags["arrows"], bags["floors"]) == (3, 1, 1, 2)
-    assert (sim["circling"], sim["up"], sim["modules"]) == (2, 0, 3)
-    assert rows["all"]["rooms"] == 7
+    assert (sim["in_cycles"], sim["up"], sim["modules"]) == (2, 0, 3)
+    assert rows["all"]["components"] == 7
     assert is_up("crane_bags.up", "crane_sim.bus") and not is_up("crane_bags.up", "crane_bags.x")
 
 
@@ -73,7 +73,7 @@ def test_the_picture_has_every_room_and_every_arrow(found: Imports) -> None:
 
 
 def test_boxes_do_not_overlap(found: Imports) -> None:
-    many = {f"crane_model.room_number_{i}": set[str]() for i in range(40)}
+    many = {f"crane_model.component_number_{i}": set[str]() for i in range(40)}
     boxes = [
         tuple(map(float, box))
         for box in re.findall(r'<rect x="([\d.-]+)" y="([\d.]+)" width="([\d.]+)"',

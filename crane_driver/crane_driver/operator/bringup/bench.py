@@ -53,7 +53,7 @@ class Protocol:
 
 @dataclass(frozen=True, kw_only=True)
 class BringupRequest(Protocol):
-    """What the command line asks for."""
+    """Request of the command line."""
 
     step: str
     out: Path  # folder of the bring-up
@@ -216,9 +216,9 @@ class Bench:
             yield Mover(drive, self.crane.joints, joint, rests, self.protocol.travel)
 
     def driven(self, mover: Mover, ramp: Callable[[Mover], Done]) -> Done:
-        """What a ramp of a joint gives; if a stall or the driver cuts it off, it alone is repeated.
+        """Drive a ramp of a joint; repeat it alone if a stall or the driver cuts it off.
 
-        A fault of the driver is reset when the operator agrees, and not before.
+        A fault of the driver is reset only after the operator agrees.
         """
         for _ in range(RAMP_REPEATS):
             try:

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from crane_model.errors import DataError
 from crane_model.result_file import ResultPart
 
-# Of the encoder, or standard deviations of its noise: what counts as a movement
+# Smallest movement, in steps of the encoder or standard deviations of its noise
 MOVEMENT_STEPS = 10.0
 FASTEST_SINKING = 1e-3  # rad/s, m/s: a joint that leaks is slower, one that is moved is faster
 BLOCK_S = 0.5  # s
@@ -117,16 +117,16 @@ def moved(time: np.ndarray, position: np.ndarray, rest: Rest) -> float:
 
 
 class EncoderResult(ResultPart):
-    """Of an encoder: joint = sign * (reading - zero)."""
+    """Sign and zero of an encoder: joint = sign * (reading - zero)."""
 
     sign: Literal[-1, 1]
-    """Of the encoder [-]."""
+    """Sign of the encoder [-]."""
     zero: float
     """Reading where the joint stands at 0 [rad, m]."""
     noise: float
     """Standard deviation of one reading [rad, m]."""
     resolution: float
-    """Of the readings [rad, m]."""
+    """Resolution of the readings [rad, m]."""
     moved: float
     """Displacement by the readings, in the positive direction [rad, m]."""
     scale: float | None = None
@@ -191,7 +191,7 @@ def find_encoder(
 
 
 class PressureResult(ResultPart):
-    """Of a transducer that is vented."""
+    """Zero and noise of a transducer that is vented."""
 
     offset: float
     """Mean reading [Pa]."""
@@ -200,7 +200,7 @@ class PressureResult(ResultPart):
     std: float
     """Standard deviation of the offset [Pa]."""
     stuck: bool
-    """Whether all readings are the same: at the end of the range, or not alive."""
+    """All readings are the same: at the end of the range, or not alive."""
 
 
 def find_offset(name: str, readings: np.ndarray) -> PressureResult:
@@ -243,10 +243,10 @@ class Nudge(ResultPart):
 
 
 class PolarityResult(ResultPart):
-    """Of a valve."""
+    """Polarity of a valve."""
 
     polarity: Literal[-1, 1]
-    """What the sign of its command has to be multiplied by [-]."""
+    """Factor of the sign of its command [-]."""
     up: Nudge
     """By a positive command."""
     down: Nudge
@@ -309,7 +309,7 @@ class DeadBandResult(ResultPart):
     gain_std: float | None = None
     """Standard deviation of the gain between repeats; absent with one repeat [rad/s, m/s]."""
     rate: float | None = None
-    """Of the ramps; slower than asked where the joint answers late [1/s]."""
+    """Rate of the ramps; slower than asked if the joint answers late [1/s]."""
 
 
 def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
@@ -371,9 +371,7 @@ def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
 
 
 def average(fits: list[DeadBandFit], rate: float) -> DeadBandResult:
-    """Mean of the repeats, run at `rate` [1/s]; their scatter, or with one alone the standard
-    deviation of its fit.
-    """
+    """Mean and scatter of the repeats at `rate` [1/s]; of one alone, that of its fit."""
     bands, gains = np.array([fit.dead_band for fit in fits]), np.array([fit.gain for fit in fits])
     several = len(fits) > 1
     return DeadBandResult(
@@ -408,11 +406,11 @@ class FirstGains(ResultPart):
     """Gains of (36) for one joint."""
 
     kp: float
-    """Of the position error [1/rad, 1/m]."""
+    """Gain of the position error [1/rad, 1/m]."""
     kd: float
-    """Of the velocity error [s/rad, s/m]."""
+    """Gain of the velocity error [s/rad, s/m]."""
     time_constant: float
-    """Of the closed loop [s]."""
+    """Time constant of the closed loop [s]."""
     position_tolerance: float
     """Error that is left alone [rad, m]."""
 

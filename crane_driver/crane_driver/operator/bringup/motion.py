@@ -61,9 +61,7 @@ class Mover:
     def __init__(
         self, drive: Drive, joints: tuple[str, ...], joint: str, rests: list[Rest], travel: float
     ):
-        """rests: of all joints, before anything moves; travel: how far the joint may go from there
-        [rad, m].
-        """
+        """rests: of all joints, before any motion; travel: of the joint from there [rad, m]."""
         self.joint, self.rest = joint, rests[joints.index(joint)]
         self.drive, self._joints, self._index = drive, joints, joints.index(joint)
         self._start = np.array([rest.position for rest in rests])
@@ -244,7 +242,7 @@ def back(mover: Mover, upwards: float, downwards: float) -> None:
 def _followed(
     reference: float | np.ndarray, position: float | np.ndarray, most: float | np.ndarray
 ) -> np.ndarray:
-    """Where joints would be that only sank: towards `position`, by `most` [rad, m]."""
+    """Joints that only sank, moved towards `position` by at most `most` [rad, m]."""
     most = np.maximum(most, 0.0)  # stamps may be set back
     return reference + np.clip(position - reference, -most, most)
 

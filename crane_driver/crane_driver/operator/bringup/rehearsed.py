@@ -1,4 +1,4 @@
-"""Whether the files of a machine were rehearsed before bring-up moves a real crane."""
+"""Check that the files of a machine were rehearsed before bring-up moves a real crane."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ NOT_CHECKED = (
     "dead times, friction and loads of the real machine beyond the values in its files",
     "ground, obstacles and people",
 )
-"""What a rehearsal on a simulated crane cannot check."""
+"""Properties that a rehearsal on a simulated crane cannot check."""
 
 
 class RehearsedFiles(ResultFile):

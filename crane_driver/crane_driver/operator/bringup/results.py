@@ -54,9 +54,9 @@ class DeadBands(ResultPart):
     """The dead bands of a valve."""
 
     positive: DeadBandResult
-    """Of positive commands."""
+    """Dead band of positive commands."""
     negative: DeadBandResult
-    """Of negative commands."""
+    """Dead band of negative commands."""
 
 
 class Result(ResultPart, Generic[Entry]):
@@ -81,7 +81,7 @@ RESULTS: dict[str, type[Result[Any]]] = {
     "dead_band": Result[DeadBands],
     "gains": Result[FirstGains],
 }
-"""What each step writes, in the order of the steps."""
+"""Results of the steps, in their order."""
 STEPS = tuple(RESULTS)
 
 

@@ -47,7 +47,7 @@ DIRECTIONS = {1: "positive", -1: "negative"}
 Runs: TypeAlias = dict[int, list[RampFit]]  # by direction
 SLOWEST_RATE_RATIO = 16.0  # by which a rate is divided at most
 
-# Of the travel, that a step response may take; at most `LONGEST_STEP_RESPONSE_S`
+# Share of the travel that a step response may take; at most `LONGEST_STEP_RESPONSE_S`
 STEP_TRAVEL_SHARE = 0.15
 LONGEST_STEP_RESPONSE_S = 1.0  # s
 MOVES_BY_ITSELF = """This step moves the crane by itself: {what}

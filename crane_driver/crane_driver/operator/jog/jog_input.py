@@ -10,7 +10,6 @@ import tty
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from enum import StrEnum
-from types import TracebackType
 from typing import NamedTuple, Self
 
 from crane_driver.operator import LONGEST_PAUSE_S
@@ -33,7 +32,7 @@ IFLAG, CC = 0, 6  # places in what tcgetattr gives
 
 
 class Demand(NamedTuple):
-    """What a hand asks for at a moment."""
+    """Motion that the operator asks for."""
 
     joint: str
     level: float  # -1 to 1, of the fastest
@@ -105,7 +104,7 @@ class JogMotion:
 
 
 class Request(StrEnum):
-    """What else a key may ask for; the services of the driver by their names."""
+    """Services of the driver that a key may call, by name."""
 
     ENABLE = "enable"
     DISABLE = "disable"
@@ -168,7 +167,7 @@ class Keyboard:
 
 
 class Axis(NamedTuple):
-    """Where the axis of a joint is in a message, and which way is positive."""
+    """Index of a joint's axis in a message, and its positive direction."""
 
     number: int
     sign: int
@@ -269,13 +268,8 @@ class KeyTerminal:
         termios.tcsetattr(self._input, termios.TCSANOW, settings)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        # what was typed ahead was not meant for the shell
+    def __exit__(self, *_: object) -> None:
+        # keys typed ahead were not meant for the shell
         with suppress(termios.error):  # the terminal has gone
             termios.tcsetattr(self._input, termios.TCSAFLUSH, self._before)
 

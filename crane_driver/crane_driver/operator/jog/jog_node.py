@@ -70,7 +70,7 @@ NEWEST_MESSAGE = QoSProfile(depth=1)
 
 
 class StatusLine(NamedTuple):
-    """What the line says."""
+    """Content of the status line."""
 
     state: str  # of the driver
     joint: str  # that is commanded, or was last
@@ -209,10 +209,7 @@ class JogParameters(NamedTuple):
 
 
 class JogError(CraneError):
-    """Jogging cannot begin.
-
-    Examples: no driver runs, another node commands the valves.
-    """
+    """Jogging cannot begin. Examples: no driver runs, another node commands the valves."""
 
 
 class Jog(Node):

@@ -26,7 +26,7 @@ BUTTONS = {
     "reset_fault": "Reset",
     "emergency_stop": "Stop",
 }
-"""What the page calls them, by the service of the driver."""
+"""Labels of the page's buttons, by the service of the driver."""
 
 Content = dict[str, Any]
 
@@ -45,9 +45,7 @@ LATCHED_STATES = (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP)
 
 
 def plain(content: Any) -> Any:
-    """`content` as the page can show it: null for each number that is not finite, and texts that
-    name buttons where the driver names services.
-    """
+    """`content` for the page: null for a number that is not finite, buttons for services."""
     if isinstance(content, dict):
         return {key: plain(value) for key, value in content.items()}
     if isinstance(content, list):
@@ -106,9 +104,9 @@ def joints(machine: Machine, readings: ShownReadings, now: float) -> list[Conten
 def pressures(
     machine: Machine, chambers: ShownReadings, lines: ShownReadings, now: float
 ) -> Content | None:
-    """Of each cylinder, and of the lines SUPPLY and TANK [Pa]; None where the machine has no oil.
+    """Pressures of each cylinder, SUPPLY and TANK [Pa]; None if the machine has no oil.
 
-    `highest` is that of the relief valve, the end of every scale.
+    `highest` is the pressure of the relief valve, the end of every scale.
     """
     if machine.supply is None:
         return None

@@ -62,7 +62,7 @@ ANSWER_TIMEOUT_S = 5.0  # for a page without a live line; by itself it warns aft
 
 
 class PageListener(Protocol):
-    """What is heard from one page; called in the thread of the event loop."""
+    """Listener for one page; called in the thread of the event loop."""
 
     def said(self, content: object) -> None:
         """One message of the page; None for what is not JSON."""
@@ -254,9 +254,7 @@ class Lost(NamedTuple):
 
 
 def legible(reason: str) -> str:
-    """A reason as it is shown to others than who gave it: one bounded line of plain characters,
-    of which none turns, hides or overlays what stands beside it.
-    """
+    """A reason as one bounded line of plain characters, none of which hides its neighbours."""
     plain = "".join(character if " " <= character <= "~" else "?" for character in reason)
     return (
         plain
@@ -296,9 +294,7 @@ class Pages:
         return self.lost
 
     def silent(self, now: float) -> list[Page]:
-        """Those that have told nothing for too long, but for a time in which the panel, held up
-        itself, could hear none of them.
-        """
+        """Pages that were silent for too long, except while the panel itself was held up."""
         pause = 0.0 if self._looked is None else now - self._looked
         self._looked = now
         if pause > LOOK_PAUSE_S:
@@ -319,7 +315,7 @@ class Pages:
 
 
 class DriverAnswer(NamedTuple):
-    """Of the driver, or for it where it cannot be asked."""
+    """Answer of the driver, or an answer in its place if the driver cannot be asked."""
 
     answer: str  # to which request
     success: bool
@@ -341,9 +337,7 @@ class Asking:
         return request in self._requests
 
     def ask(self, request: str, answered: Callable[[DriverAnswer], None]) -> int:
-        """`answered` is called with each of the answers, of which this is the number: a stop asks
-        every driver that was ever heard.
-        """
+        """Call `answered` with each of the answers, whose number is returned."""
         try:
             futures = self._requests[request]()
         except NoDriverError as error:

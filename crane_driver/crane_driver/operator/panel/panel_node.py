@@ -149,7 +149,7 @@ class OperatorPanel(Node):
 
 
 class _PageLine:
-    """What one page says, and what it is told."""
+    """Connection to one page."""
 
     def __init__(self, panel: OperatorPanel, socket: Socket, page: Page):
         self.page = page
@@ -248,7 +248,6 @@ async def _serve(panel: OperatorPanel, stop: Stop) -> None:
 
 
 def _shown(address: str) -> str:
-    """As it is written in a browser."""
     if address in ("0.0.0.0", "::", ""):
         return "ADDRESS-OF-THIS-COMPUTER"
     return f"[{address}]" if ":" in address else address

@@ -75,7 +75,7 @@ def _plain(path: str | bytes | os.PathLike) -> str:
     return os.path.realpath(os.fsdecode(path))
 
 
-# What other methods answer from the same residual and the same columns, whitened alike.
+# Answers of other methods from the same residual and the same columns, whitened alike.
 
 
 Names = list[tuple[str, str]]
@@ -84,9 +84,7 @@ Names = list[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Problem:
-    """Linear regression: the residual (N,) beside the model, and of each testable effect its best
-    column (N, K) of norm one; rows are independent and of variance one. `energy` (j,) per joint.
-    """
+    """Linear regression: residual (N,), best columns (N, K) of effects, `energy` (j,)."""
 
     residual: np.ndarray
     columns: np.ndarray
@@ -189,9 +187,7 @@ def baseline_answers(search: Search) -> dict[str, Names]:
 
 
 class AnswerStatistics(ResultPart):
-    """What thresholds are compared with. Scores are in units of the bootstrap quantile that is the
-    threshold.
-    """
+    """Statistics that thresholds limit. Scores are in units of the bootstrap quantile."""
 
     best: float
     """Score of the best effect, whether it is a finding or not [-]."""
@@ -201,8 +197,8 @@ class AnswerStatistics(ResultPart):
     """The same of findings [-]."""
     learner: float
     """Strength of a law that the flexible learner is sure of [-]."""
-    strength: float
-    """Of that or the best [-]."""
+    relative_magnitude: float
+    """Relative magnitude of the learnt model form, or of the best effect [-]."""
     floor: float
     """Largest error over the scatter between periods [-]; 0 where none was repeated."""
     sample_noise: float
@@ -218,7 +214,7 @@ class AnswerStatistics(ResultPart):
 
 
 class CaseAnswer(ResultFile):
-    """What was said of a case."""
+    """Answer to a case."""
 
     verdict: str
     """That of the findings, `insufficient_data` of recordings that are refused, or `crash`."""
@@ -234,7 +230,7 @@ class CaseAnswer(ResultFile):
     """By method beside the diagnosis: the effects that it names, and their joints."""
 
 
-# What an answering process is given of a case: the model, and recordings of the machine.
+# Inputs of an answering process: the model, and recordings of the machine.
 
 
 def given(folder: Path) -> tuple[Model, list[Log], list[Log]]:
@@ -273,7 +269,7 @@ def blindfold(folders: Folders) -> None:
 
 
 def refused(error: CraneError) -> CaseAnswer:
-    """What is said of recordings that a diagnosis does not take."""
+    """Answer for recordings that a diagnosis does not take."""
     return CaseAnswer(verdict=Verdict.INSUFFICIENT, reason=str(error))
 
 
@@ -310,7 +306,7 @@ def answer_case(job: AnsweringJob) -> None:
 
 
 def statistics(diagnosis: Diagnosis) -> AnswerStatistics:
-    """What thresholds are compared with."""
+    """Statistics of a diagnosis that thresholds limit."""
     thresholds, learnt, gap = diagnosis.thresholds, diagnosis.proof.before.learnt, diagnosis.gap
     quantities = [quantity for flow in diagnosis.flow.found for quantity in flow.quantities]
     null = null_gains(diagnosis.search.projection, [])
@@ -328,7 +324,7 @@ def statistics(diagnosis: Diagnosis) -> AnswerStatistics:
         score=max(strong, default=0.0),
         accepted=accepted / quantile,
         learner=law,
-        strength=max([law, *(size for _, size in single[:1])]),
+        relative_magnitude=max([law, *(size for _, size in single[:1])]),
         floor=float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
         sample_noise=float(gap.over_samples(gap.largest_before).max()),
         pulsation=max((line.clearness for line in diagnosis.proof.lines), default=0.0),

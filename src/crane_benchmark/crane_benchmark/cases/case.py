@@ -24,19 +24,19 @@ LIGHTER = (0.4, 0.8)  # of the strongest: an effect that is not always as strong
 
 
 class CaseKind(StrEnum):
-    """What sort of case it is; the value is what tables say."""
+    """Kind of a case; tables print the value."""
 
     NOTHING = "nothing"
     OUTSIDE = "outside the catalogue"
     PAIR = "pair"
-    CLASS = "twins"  # effects that no data of this kind tell apart
+    AMBIGUOUS = "ambiguous"  # effects that no data of this kind discriminate
     INSUFFICIENT = "too little data"
     LENGTHS = "lengths that are not the file's"  # nothing else is hidden
     SINGLE = "single"
 
 
 class Story(StrEnum):
-    """What goes on in a case of the strangers; the value is what tables say."""
+    """Story of a case of the strangers; tables print the value."""
 
     LOAD = "a load, on and off"
     WARMING = "oil that warms up over the session"
@@ -54,7 +54,7 @@ class Simulator(StrEnum):
 
 
 class World(StrEnum):
-    """Where a case comes from."""
+    """Source of a case."""
 
     LABORATORY = "laboratory"  # designed motions; each recording is of a cold machine
     FIELD = "field"  # motions as they come, some without a period; recordings of one session
@@ -80,16 +80,16 @@ class EffectToHide(Schema):
     """The joint; null: the whole machine."""
     form: str
     """Law that it follows in the machine."""
-    strength: float
+    relative_magnitude: float
     """Rms of its force over that of the drive, that is asked for [-]."""
     parameters: dict[str, float] = {}
-    """Of that law [SI]; those that are not given are drawn."""
+    """Parameters of that model form [SI]; missing ones are drawn."""
     carried: Carried = Carried.ALL
     """Which recordings carry it."""
 
 
 class HiddenInRecording(ResultFile):
-    """What one recording of a case hides."""
+    """Injected effects of one recording of a case."""
 
     effects: list[TrueEffect]
     """As in a label."""
@@ -135,7 +135,6 @@ class SessionRecording:
     shares: tuple[float, ...]
 
     def present(self, injected: Sequence[InjectedForm]) -> tuple[InjectedForm, ...]:
-        """What it carries of the effects of the machine."""
         return tuple(
             effect._replace(values=(share * effect.values[0], *effect.values[1:]))
             for effect, share in zip(injected, self.shares, strict=True)

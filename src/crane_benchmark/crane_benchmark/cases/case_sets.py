@@ -42,18 +42,18 @@ ZONE = 0.3  # rad, m, before the ends of the stroke
 IN_FORCE = ("stribeck", "load_friction", "seal_friction", "viscous_quadratic", "hose_stiffness")
 IN_FLOW = ("valve_hysteresis", "internal_leakage", "oil_compressibility")
 # rms over that of the drive force, of single effects
-STRENGTHS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+RELATIVE_MAGNITUDES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 UNKNOWN = (0.02, 0.04, 0.08)  # of effects outside the catalogue
 PAIR = 0.04  # of either effect of a pair
 LACKS = ("coulomb_asymmetry",)  # of the telescope, where a model lacks a class of equal effects
-TWINS = ("coulomb_asymmetry", "offset", "pressure_offset")  # constant forces of the telescope
+CONSTANT_FORCES = ("coulomb_asymmetry", "offset", "pressure_offset")  # of the telescope
 FAINT = ("actuator_inertia", "boom_flexibility", "time_skew")  # that slow motion hides
 SHARES = {
     CaseKind.NOTHING: 0.2,
     CaseKind.LENGTHS: 0.05,
     CaseKind.OUTSIDE: 0.15,
     CaseKind.PAIR: 0.15,
-    CaseKind.CLASS: 0.04,
+    CaseKind.AMBIGUOUS: 0.04,
     CaseKind.INSUFFICIENT: 0.04,
     CaseKind.SINGLE: 0.37,
 }
@@ -61,9 +61,9 @@ COLD = ("warm_up",)  # effects of the first minutes, that recordings of a sessio
 
 
 def drawn(
-    rng: np.random.Generator, outside: bool, strengths: Sequence[float], laws: Laws = FORMS
+    rng: np.random.Generator, outside: bool, magnitudes: Sequence[float], laws: Laws = FORMS
 ) -> Iterator[EffectToHide]:
-    """Effects on joints in random order, each as often as any other, at all strengths in turn."""
+    """Effects on joints in random order, equally often, at all magnitudes in turn."""
     places = sorted(
         {
             (form.effect, joint or "")
@@ -73,15 +73,15 @@ def drawn(
             for joint in form.where.joints(LABORATORY_CRANE) or (None,)
         }
     )
-    strength = cycle(strengths)
+    magnitude = cycle(magnitudes)
     while True:
         for place in rng.permutation(len(places)):
             effect, joint = places[place]
-            yield in_any_form(rng, effect, joint or None, next(strength), laws)
+            yield in_any_form(rng, effect, joint or None, next(magnitude), laws)
 
 
 def in_any_form(
-    rng: np.random.Generator, effect: str, joint: str | None, strength: float, laws: Laws = FORMS
+    rng: np.random.Generator, effect: str, joint: str | None, magnitude: float, laws: Laws = FORMS
 ) -> EffectToHide:
     """The effect in any of its forms that can act there."""
     forms = [
@@ -93,7 +93,7 @@ def in_any_form(
         effect=effect,
         joint=joint,
         form=str(rng.choice(forms)),
-        strength=strength,
+        relative_magnitude=magnitude,
         carried=Carried.LATER if effect == LOAD else Carried.ALL,
     )
 
@@ -102,13 +102,13 @@ def in_any_form(
 
 
 def field(rng: np.random.Generator) -> dict[str, Any]:
-    """What a case of the field has beside what is hidden."""
+    """Draw what a case of the field has besides the injected effects."""
     warm, spools = (rng.uniform(size=2) < 0.5).tolist()
     return {"world": World.FIELD, "warm": warm, "spools": spools}
 
 
 def stranger(name: str, seed: tuple[int, int], number: int = 0) -> Case:
-    """The case of this `seed`, whose effects are drawn for the `number`-th time."""
+    """The case of this `seed`, whose effects are drawn `number` times."""
     rng = np.random.default_rng([20261121, *seed, number])
     place = seed[1] % len(STORIES)
     story = STORIES[place]
@@ -143,9 +143,7 @@ def _strong(rng: np.random.Generator, which: int) -> Told:
 
 
 def _once(rng: np.random.Generator, which: int) -> Told:
-    """Friction in waves alone, of which nothing shows in what is held out; or the zero of an
-    encoder, beside an effect that all recordings carry.
-    """
+    """Waves of friction alone, hidden in held-out data; or an encoder's zero beside an effect."""
     once = {"carried": Carried.ONE}
     if which == 0:
         waves = in_any_form(rng, "cyclic_friction", _joint(rng), STRONG)
@@ -221,20 +219,22 @@ def cases(which: CaseSet, count: int) -> list[Case]:
 
 
 def with_others(case: Case, number: int) -> Case:
-    """The case with other effects of the same kind and strength, drawn for the `number`-th time."""
+    """The case with other effects of the same kind and magnitude, drawn `number` times."""
     if case.story is not None:
         told = stranger(case.name, case.seed, number)
         return told.model_copy(update={"excitation": case.excitation})
     rng = np.random.default_rng([20261121, *case.seed, number])
-    strengths = [effect.strength for effect in case.effects]
-    candidates = drawn(rng, case.kind is CaseKind.OUTSIDE, strengths, LAWS[case.simulator])
+    magnitudes = [effect.relative_magnitude for effect in case.effects]
+    candidates = drawn(rng, case.kind is CaseKind.OUTSIDE, magnitudes, LAWS[case.simulator])
     old = {effect.effect for effect in case.effects}
     if case.world is World.FIELD:
         old.update(COLD)
     effects: list[EffectToHide] = []
     for wanted in case.effects:
         replacement = next(candidate for candidate in candidates if candidate.effect not in old)
-        effects.append(replacement.model_copy(update={"strength": wanted.strength}))
+        effects.append(
+            replacement.model_copy(update={"relative_magnitude": wanted.relative_magnitude})
+        )
         old.add(replacement.effect)
     return case.model_copy(update={"effects": tuple(effects)})
 
@@ -270,7 +270,7 @@ def _hiding(seeds: list[tuple[int, int]], simulator: Simulator) -> list[Case]:
         return []
     rng, laws = np.random.default_rng([20261121, seeds[0][0], len(simulator)]), LAWS[simulator]
     kinds = [kind for kind, n in apportioned(SHARES, len(seeds)).items() for _ in range(n)]
-    single, pair = drawn(rng, False, STRENGTHS, laws), drawn(rng, False, (PAIR,), laws)
+    single, pair = drawn(rng, False, RELATIVE_MAGNITUDES, laws), drawn(rng, False, (PAIR,), laws)
     outside = drawn(rng, True, UNKNOWN, laws)
     out = []
     for number, (seed, kind) in enumerate(zip(seeds, kinds, strict=True)):
@@ -281,7 +281,7 @@ def _hiding(seeds: list[tuple[int, int]], simulator: Simulator) -> list[Case]:
             effects = (next(outside),)
         elif kind is CaseKind.PAIR:
             effects = _two(pair)
-        elif kind is CaseKind.CLASS and number % 2:
+        elif kind is CaseKind.AMBIGUOUS and number % 2:
             effects = (in_any_form(rng, "pressure_offset", "telescope", PAIR, laws),)
         elif kind is CaseKind.INSUFFICIENT:
             faint = str(rng.choice([effect for effect in FAINT if effect in laws] or list(laws)))
@@ -297,7 +297,7 @@ def _hiding(seeds: list[tuple[int, int]], simulator: Simulator) -> list[Case]:
                 seed=seed,
                 effects=effects,
                 excitation=Richness.POOR if poor else Richness.RICH,
-                lacks=LACKS if kind is CaseKind.CLASS else (),
+                lacks=LACKS if kind is CaseKind.AMBIGUOUS else (),
                 off=bool(off),
                 **(field(rng) if in_field else {"spools": _even(rng)}),
             )

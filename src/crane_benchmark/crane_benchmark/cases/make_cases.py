@@ -49,7 +49,6 @@ class MakingJob:
 
     @property
     def name(self) -> str:
-        """Of the case."""
         return self.case.name
 
 
@@ -136,7 +135,9 @@ def _strongest(
             except RangeError as error:
                 reason = error
         effects = tuple(
-            effect.model_copy(update={"strength": WEAKER_FACTOR * effect.strength})
+            effect.model_copy(
+                update={"relative_magnitude": WEAKER_FACTOR * effect.relative_magnitude}
+            )
             for effect in effects
         )
     raise reason

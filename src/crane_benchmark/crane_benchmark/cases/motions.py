@@ -55,26 +55,23 @@ class Stretch:
 
     @property
     def name(self) -> str:
-        """For messages."""
         return self.whole.name
 
     @property
     def harmonics(self) -> int:
-        """Of a series as long as the stretch."""
+        """Number of harmonics of a series as long as the stretch."""
         return int(np.ceil(self.whole.harmonics * self.period / self.whole.period))
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints that move."""
         return self.whole.joint_names
 
     @property
     def probe(self) -> Probe | None:
-        """Of the whole motion."""
         return self.whole.probe
 
     def evaluate(self, time: np.ndarray) -> MotionSamples:
-        """Of the whole motion, at any time (n,) [s]."""
+        """Evaluate the whole motion at any time (n,) [s]."""
         return self.whole.evaluate(time)
 
 
@@ -88,9 +85,7 @@ class Maker:
     clearance: Clearance
 
     def designed(self, sets: int) -> tuple[list[Motion], list[Motion]]:
-        """To train and to validate on: `sets` times a slow, a fast one and sweeps; a slow and a
-        fast one.
-        """
+        """To train on, `sets` times a slow, a fast one and sweeps; to validate, the first two."""
         train = [
             motion
             for _ in range(sets)
@@ -157,7 +152,7 @@ class Maker:
 
 
 def _has_clearance(machine: Machine, clearance: Clearance, trajectory: PeriodicTrajectory) -> bool:
-    """Whether tip and pump allow it at some instants: what `plan` looks at closely, but quick."""
+    """Return whether tip and pump allow it at some instants: a quick form of `plan`."""
     joints = trajectory.joint_names
     samples = trajectory.evaluate(np.linspace(0.0, trajectory.period, LOOKS))
     tip_clearance = TipClearance(machine).at(joints, samples.position)
@@ -174,9 +169,7 @@ def _fourier(
     size: float,
     harmonics: int = MOTION_HARMONICS,
 ) -> FourierTrajectory:
-    """A random series, of even speed over its harmonics; `size` is the share of range or speed that
-    it takes, whichever is less.
-    """
+    """Random series of even speed; `size` is its share of range or speed, whichever is less."""
     time = np.linspace(0.0, period, 20 * harmonics, endpoint=False)
     columns = []
     for joint in PLANAR_JOINTS:

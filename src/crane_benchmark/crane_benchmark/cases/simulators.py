@@ -1,4 +1,4 @@
-"""What the machines of a simulator are made of, and which laws of effects they can hide."""
+"""Machines of both simulators, and the model forms of effects that they can inject."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -43,10 +43,10 @@ LAWS: Mapping[Simulator, Mapping[str, Sequence[Form]]] = {
     Simulator.PRIMARY: FORMS,
     Simulator.INDEPENDENT: FAMILIES,
 }
-"""Of each simulator: effect to the laws that its machines have of it."""
+"""Model forms that the machines of each simulator have, by effect."""
 KEPT_EVERY = 4  # of the samples of a bag, that are kept
 SPEED = 2e-3  # rad/s, m/s, below which a joint counts as at rest: dry friction may be any force
-# Of its encoder, that a joint must have moved since it turned: one there, one here
+# Share of its encoder that a joint must have moved since it turned: one there, one here
 LEAST_ENCODER_COUNTS = 2
 
 
@@ -102,13 +102,13 @@ def drawn_effects(
             for form in LAWS[simulator][wanted_effect.effect]
             if form.name == wanted_effect.form
         )
-        wanted = InjectedForm(form, wanted_effect.joint, (), wanted_effect.strength)
+        wanted = InjectedForm(form, wanted_effect.joint, (), wanted_effect.relative_magnitude)
         rng = np.random.default_rng([seed, index])
         injected.append(draw_one(rng, simulated, wanted, wanted_effect.parameters))
     return tuple(injected)
 
 
-# What a recording would show without noise: the scorer's own measure of what is hidden.
+# A recording without noise: the scorer's own measure of the injected effects.
 
 
 def save_clean(path: Path, clean: Clean) -> None:

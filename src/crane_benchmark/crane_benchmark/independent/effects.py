@@ -79,7 +79,7 @@ FIRM = 5e6  # Pa, where a lip rubs as much as one of constant friction coefficie
 
 
 class Rubbed(NamedTuple):
-    """What friction of a joint may depend on."""
+    """Quantities that friction of a joint may depend on."""
 
     place: float  # -1..1 over the range
     q: float  # rad, m
@@ -97,10 +97,10 @@ class Rubbed(NamedTuple):
 def rubbing(
     law: int, value: np.ndarray, memory: np.ndarray, lever: float, at: Rubbed, step: float
 ) -> float:
-    """What effect `law` adds to the dry friction of its joint [N m, N].
+    """Dry friction that effect `law` adds to its joint [N m, N].
 
     `value` (EFFECT_VALUES,): its magnitude, then its shape; `lever` is that in the middle of the
-    range. What sticks after a rest advances its `memory` by `step` [s].
+    range. Stiction after a rest advances its `memory` by `step` [s].
     """
     size, first, second, third = value[0], value[1], value[2], value[3]
     speed, load = abs(at.v), abs(at.load)
@@ -306,7 +306,6 @@ def _built_up(law: int, value: np.ndarray, memory: np.ndarray, way: float, step:
 def _outside(
     law: int, value: np.ndarray, memory: np.ndarray, q: float, v: float, step: float
 ) -> float:
-    """Of effects that no catalogue has."""
     size, first, second = value[0], value[1], value[2]
     if law == DETENT_SINE:
         return size * math.sin(first * q + second)

@@ -105,9 +105,7 @@ def edge(spool: float, overlap: float) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def modulus(pressure: float, stiffness: float, stiffening: float, air: float) -> float:
-    """Bulk modulus [Pa]: oil that stiffens with the pressure, and bubbles, `air` of the volume at
-    atmospheric pressure, that are compressed by a polytrope.
-    """
+    """Bulk modulus [Pa] of stiffening oil with bubbles, `air` at atmospheric pressure."""
     absolute = max(pressure, 0.0) + ATMOSPHERE
     bubbles = air * (ATMOSPHERE / absolute) ** (1.0 / POLYTROPE)
     oil = stiffness + stiffening * max(pressure, 0.0)
@@ -116,15 +114,13 @@ def modulus(pressure: float, stiffness: float, stiffening: float, air: float) ->
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def relaxed(pressure: float, rate: float, slope: float, step: float) -> float:
-    """Pressure after a step from which it rises at `rate`, pulled back by `slope` [1/s] of what it
-    has risen: exponential Euler, stable for any step.
-    """
+    """Pressure after a step: `rate`, pulled back by `slope` [1/s]; exponential Euler."""
     way = slope * step
     return pressure + rate * step * (-math.expm1(-way) / way if way > 1e-9 else 1.0)
 
 
 class Make(NamedTuple):
-    """What a machine of the other make has beside the parameters of a simulated crane."""
+    """Parts of a machine of the other make besides the parameters of a simulated crane."""
 
     air: float  # share of the volume at atmospheric pressure
     stiffening: float  # of the oil, Pa per Pa

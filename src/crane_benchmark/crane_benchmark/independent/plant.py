@@ -50,9 +50,7 @@ class IndependentPlant:
         injected: Sequence[InjectedForm] = (),
         running: float = 0.0,
     ):
-        """`running` [s] is for how long the machine has been on. `RangeError` where the pump cannot
-        hold it at q0.
-        """
+        """`running` [s] since the start. `RangeError` if the pump cannot hold it at q0."""
         self.parameters, self.machine = parameters, machine
         self.tank_pressure = machine.hydraulics.tank_pressure
         self._bodies = MujocoBodies(parameters, machine)
@@ -177,9 +175,7 @@ class IndependentPlant:
 def drawn_independent(
     simulated: SimulatedCrane, machine: Machine, seed: int
 ) -> tuple[SimulatedCrane, Build]:
-    """A machine about `simulated` and what makes it, in the geometry of `machine`; the same seed
-    gives the same one.
-    """
+    """A machine about `simulated`, and its parts; the same seed gives the same one."""
     rng = np.random.default_rng([seed, 5])  # not the draws of `vary`
     drawn = vary_sensors(vary(simulated, seed, SPREAD), seed, OF_SENSORS)
     drawn = vary_valves(vary_hydraulics(drawn, seed, OF_VALVES), machine, seed)

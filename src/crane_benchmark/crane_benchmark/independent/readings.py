@@ -8,9 +8,8 @@ from scipy.signal import lfilter
 from crane_benchmark.independent.effects import FORCE_FORMS, FRICTION_FORMS
 from crane_model.machine import Machine
 from crane_sim.effects.form import Draw, Form, Magnitude, SensorFault, Where
-from crane_sim.effects.sensing import OneTransducer
+from crane_sim.effects.sensing import BothTransducers, EncoderFault, OneTransducer, Shown
 
-Shown = tuple[np.ndarray, np.ndarray]
 FULL = 2.5e7  # Pa, of a transducer
 
 
@@ -18,7 +17,6 @@ class SoftMembrane(OneTransducer):
     """A gain of chamber A that falls as its membrane stiffens."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """All of it at low pressure."""
         gain, stiffness = self.values
         return pressure * (1.0 + gain / (1.0 + pressure / (stiffness * FULL)))
 
@@ -27,7 +25,6 @@ class PlainGain(OneTransducer):
     """Chamber A by a factor."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """In proportion."""
         (gain,) = self.values
         return pressure * (1.0 + gain)
 
@@ -36,33 +33,23 @@ class AgeingGain(OneTransducer):
     """A gain of chamber A that creeps while the machine is on."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """By a share each minute."""
         gain, creep = self.values
         return pressure * (1.0 + gain * (1.0 + creep * time / 60.0))
 
 
-class Late(SensorFault):
-    """Both chambers of a joint through a filter that delays them."""
+class Late(BothTransducers):
+    """Both chambers of a joint held back by the bus, and once more by a share of it."""
 
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        """Only its columns."""
-        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
-        for shown in (shown_a, shown_b):
-            shown[:, self.column] = self.late(time, shown[:, self.column])
-        return shown_a, shown_b
-
-    def late(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Held back by the bus, and once more by a share of it."""
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         delay, share = self.values
         first = np.interp(time - delay * (1.0 - share), time, pressure)
         return (first + np.interp(time - delay * (1.0 + share), time, pressure)) / 2.0
 
 
-class TwoLags(Late):
+class TwoLags(BothTransducers):
     """Two filters of first order behind one another."""
 
-    def late(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Each with a part of the delay."""
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         delay, share = self.values
         step = float(np.median(np.diff(time)))
         for part in (share * delay, (1.0 - share) * delay):
@@ -71,26 +58,18 @@ class TwoLags(Late):
         return pressure
 
 
-class WanderingDelay(Late):
+class WanderingDelay(BothTransducers):
     """A bus whose load swings slowly."""
 
-    def late(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """About its mean."""
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         delay, swing = self.values
         return np.interp(time - delay * (1.0 + swing * np.sin(0.3 * time)), time, pressure)
 
 
-class Mounted(SensorFault):
+class Mounted(EncoderFault):
     """An encoder that shows more than the joint has turned, by the same everywhere or nearly."""
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        """Its column."""
-        shown = q.copy()
-        shown[..., self.column] += self.more(q[..., self.column])
-        return shown
-
-    def more(self, q: np.ndarray) -> np.ndarray:
-        """The same everywhere."""
+    def error(self, q: np.ndarray) -> np.ndarray:
         (offset,) = self.values
         return np.full_like(q, offset)
 
@@ -98,8 +77,7 @@ class Mounted(SensorFault):
 class OnAUniversalJoint(Mounted):
     """Behind a bent universal joint: twice a turn it runs ahead."""
 
-    def more(self, q: np.ndarray) -> np.ndarray:
-        """By a share of the offset."""
+    def error(self, q: np.ndarray) -> np.ndarray:
         offset, share, phase = self.values
         return offset * (1.0 + share * np.sin(2.0 * q + phase))
 
@@ -107,8 +85,7 @@ class OnAUniversalJoint(Mounted):
 class OnABelt(Mounted):
     """By a belt that jumped a tooth and stretches towards one end."""
 
-    def more(self, q: np.ndarray) -> np.ndarray:
-        """By a square."""
+    def error(self, q: np.ndarray) -> np.ndarray:
         offset, share = self.values
         return offset * (1.0 + share * q * np.abs(q))
 
@@ -117,7 +94,6 @@ class BentLine(OneTransducer):
     """A characteristic of chamber A that is bent between its ends: by the sine, or its square."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Nothing at either end."""
         bow, exponent = self.values
         place = np.clip(pressure / FULL, 0.0, 1.0)
         return pressure + bow * np.sin(np.pi * place**exponent)
@@ -127,7 +103,6 @@ class Steps(OneTransducer):
     """A converter of which one bit is wrong: the reading climbs in rounded steps."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """So many over the range."""
         bow, every = self.values
         return pressure + bow * np.tanh(3.0 * np.sin(2.0 * np.pi * pressure / every))
 
@@ -136,7 +111,6 @@ class Saturating(OneTransducer):
     """A reading that falls behind as the pressure rises."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """By the bow at twice the knee."""
         bow, knee = self.values
         return pressure - bow * (np.maximum(pressure, 0.0) / (2.0 * knee)) ** 3
 
@@ -150,13 +124,11 @@ class Neighbour(SensorFault):
         self.other = self.measured[place - 1]
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        """A share of it."""
         shown = chamber_b.copy()
         shown[:, self.column] += self.values[0] * self.heard(time, chamber_a, chamber_b)
         return chamber_a, shown
 
     def heard(self, time: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Chamber A of the joint before."""
         return a[:, self.other]
 
 
@@ -164,7 +136,6 @@ class NeighbourChanges(Neighbour):
     """By the capacity between two cables: changes alone."""
 
     def heard(self, time: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The pressure less its mean over some time."""
         step = float(np.median(np.diff(time)))
         keep = self.values[1] / (self.values[1] + step)
         signal = b[:, self.other]
@@ -176,7 +147,6 @@ class NeighbourDifference(Neighbour):
     """By a ground that both transducers of the joint before share."""
 
     def heard(self, time: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The difference of its pressures."""
         return a[:, self.other] - b[:, self.other]
 
 
@@ -220,7 +190,6 @@ class LastingZero(OneTransducer):
     """A zero that stays where it went."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """The same more at every pressure."""
         (offset,) = self.values
         return pressure + offset
 
@@ -238,7 +207,6 @@ class WanderingZero(OneTransducer):
     """A zero that swings slowly about where it went."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Its mean stays."""
         offset, swing, period = self.values
         return pressure + offset * (1.0 + swing * np.sin(2.0 * np.pi * time / period))
 

@@ -58,9 +58,7 @@ def run_independent(
     step: float,
     count: int,
 ) -> None:
-    """`count` steps of `step` [s] with commands (j,) in -1..1; `inverse` (j, j) is that of the
-    inertia, `bias` (j,) [N m, N] what the forces have to balance beside it.
-    """
+    """Run `count` steps of `step` [s]; `inverse` (j, j) inertia, `bias` (j,) [N m, N]."""
     parts, hidden, state = borrowed(parts), borrowed(hidden), borrowed(state)
     joints = len(state.q)
     for _ in range(count):
@@ -137,7 +135,7 @@ def _press(
     parts: IndependentParts, hidden: IndependentEffects, state: IndependentState, i: int,
     length: float, lever: float, bias: float, step: float,
 ) -> None:  # fmt: skip
-    """What moves joint i beside the bias, and the part of each hidden effect in it."""
+    """Force that moves joint i besides the bias, and the part of each injected effect in it."""
     q, v, pressure = state.q[i], state.v[i], state.pressure[i]
     piston = parts.areas[i, 0] * pressure[0] - parts.areas[i, 1] * pressure[1]
     load = lever * piston

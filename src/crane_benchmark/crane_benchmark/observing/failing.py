@@ -50,7 +50,7 @@ LEARNT_FROM = 1200.0  # s of work without fault, beside the bag of the identific
 
 
 class Question(NamedTuple):
-    """What is asked of the monitor: found within some seconds, in a share of the cases at least."""
+    """Requirement on the monitor: found within some seconds, in at least a share of the cases."""
 
     what: str
     parts: tuple[str, ...]  # one of them
@@ -98,7 +98,6 @@ class FailingCase(NamedTuple):
 
     @property
     def part(self) -> Part:
-        """What the monitor is to name."""
         return PARTS[self.fault.part]
 
 
@@ -148,7 +147,7 @@ def _moving(observed: Observed, joint: str, seed: int, rng: np.random.Generator)
     )
 
 
-# What the sensor monitor says of machines at work, with and without faults.
+# Answers of the sensor monitor on machines at work, with and without faults.
 
 
 class WatchedMachine(NamedTuple):
@@ -184,7 +183,6 @@ class MonitorAnswer(NamedTuple):
 
     @property
     def right(self) -> bool:
-        """Whether it names the sensor."""
         if self.first is None:
             return False
         fault = self.case.fault
@@ -204,7 +202,7 @@ def with_fault(observed: Observed, model: Model, case: FailingCase) -> HeardWork
 
 
 def answered(watched: WatchedMachine, case: FailingCase, work: HeardWork) -> MonitorAnswer:
-    """What the monitor says of a case."""
+    """Answer of the monitor to a case."""
     findings, onset = watched.findings(work), case.fault.onset
     assert onset is not None
     behind = [finding for finding in findings if finding.found >= onset]

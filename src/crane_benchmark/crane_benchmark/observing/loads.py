@@ -46,21 +46,19 @@ class WeighedLift(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Of the load."""
+        """Error of the load."""
         return (self.mass - self.load) / self.load
 
     @property
     def covered(self) -> bool:
-        """Whether its 95 % interval holds it."""
+        """Return whether the 95 % interval holds the true load."""
         return abs(self.mass - self.load) <= CONFIDENCE * self.deviation
 
 
 def weighed(
     cycles: WorkCycles, time: Array, moving: Flags, found: Sequence[PayloadEstimate]
 ) -> list[WeighedLift]:
-    """Of loads in work that began at `REST_S`, each as it was known when it was put down; `moving`
-    (n,): whether the machine truly moved at `time` (n,) [s].
-    """
+    """Loads as known when put down; `moving` (n,): whether the machine moved at `time` (n,) [s]."""
     rest_before = np.concatenate([[0.0], cycles.ends[:-1]])
     changes = REST_S + (rest_before + cycles.begins) / 2.0
     moved = np.concatenate([[0.0], np.cumsum(np.diff(time) * moving[1:])])
@@ -90,7 +88,7 @@ def in_motion(machine: Machine, joints: tuple[str, ...], velocity: Array) -> Fla
 
 
 def measure(name: str, seconds: float, seed: int, machines: int) -> list[MeasuredRow]:
-    """Of machines identified one by one, which err by their own: all lifts together."""
+    """Measure all lifts of machines that are identified one by one, each with its own error."""
     of_machines = [lifts(name, seconds, seed + k) for k in range(machines)]
     rows = []
     for what, aim in zip(of_machines[0], PAYLOAD_AIMS[name], strict=True):

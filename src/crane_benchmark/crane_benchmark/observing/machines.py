@@ -116,11 +116,10 @@ class WorkCycles:
         )
 
     def probe(self, time: np.ndarray) -> np.ndarray:
-        """Nothing is added to the commands."""
         return np.zeros((len(time), self.poses.shape[1]))
 
     def load(self, time: np.ndarray) -> np.ndarray:
-        """What hangs at the tip at time (n,) [s] since the beginning of the motion, (n,) [kg]."""
+        """Payload at time (n,) [s] since the beginning of the motion, (n,) [kg]."""
         k = self._carried(time)
         return np.where(k < 0, 0.0, self.loads[np.clip(k, 0, None)])
 
@@ -159,14 +158,13 @@ class LiftingPlant(Plant):
 
 
 class HeardWork(NamedTuple):
-    """What was heard of a machine at work."""
+    """Signals of a machine at work."""
 
     begin: float  # s since the machine was started, where the times of `heard` count from
     heard: HeardRecording
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
         return float(np.ptp(self.heard.pressure_time))
 
 
@@ -241,9 +239,7 @@ def stock() -> Observed:
 
 
 def hard() -> Observed:
-    """With dynamic friction, effects that (16) lacks, valves with hysteresis and unequal gains,
-    and transducers whose zeros are off.
-    """
+    """With dynamic friction, effects beyond (16), uneven valves, and transducer zeros."""
     machine = load_machine()
     simulated = load_simulated_crane(machine_file("simulated_crane_dynamic_friction.yaml"))
     joints = [joint for joint in machine.joint_names if machine.cylinders[joint].pressure_sensors]
@@ -257,9 +253,11 @@ def hard() -> Observed:
         valves[joint] = valve.model_copy(update={"edges": edges})
     simulated = simulated.model_copy(update={"valves": valves})
     effects = [
-        InjectedEffect(effect="load_friction", joint=joints[0], form="weight", strength=SHARE),
-        InjectedEffect(effect="seal_friction", joint=joints[1], strength=SHARE),
-        InjectedEffect(effect="position_friction", joint=joints[2], strength=SHARE),
+        InjectedEffect(
+            effect="load_friction", joint=joints[0], form="weight", relative_magnitude=SHARE
+        ),
+        InjectedEffect(effect="seal_friction", joint=joints[1], relative_magnitude=SHARE),
+        InjectedEffect(effect="position_friction", joint=joints[2], relative_magnitude=SHARE),
     ]
     for joint, sign in signs.items():
         width, offset = {"width": HYSTERESIS_SHARE}, {"offset": sign * ZERO, "recovery": 0.0}

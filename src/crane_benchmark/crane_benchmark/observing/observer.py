@@ -33,7 +33,7 @@ from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
 
-# Whether standard deviations of a recording are right, whose errors stay from window to window.
+# Check of the standard deviations of a recording whose errors stay from window to window.
 #
 # A filter that is right makes errors e with covariance P, so that the normalised error squared
 # (NEES) e^T P^-1 e of d errors has mean d at each moment (Bar-Shalom, Li and Kirubarajan,
@@ -66,7 +66,7 @@ OBSERVER_COLUMNS = (
 
 
 class Consistency(NamedTuple):
-    """Of normalised errors squared over their dimension, in one recording or several."""
+    """Normalised errors squared over their dimension, in one recording or several."""
 
     nees: float  # mean; 1 where standard deviations are right
     freedom: float  # degrees of freedom of that mean
@@ -80,7 +80,6 @@ class Consistency(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the mean is in its band."""
         low, high = self.band
         return low <= self.nees <= high
 
@@ -126,9 +125,7 @@ class FreedomWatch:
     """That of a filter at work, from a time on."""
 
     def __init__(self, filter_: Filter, hidden: np.ndarray, since: float):
-        """`hidden` (j,) whose errors count, from windows that end after `since` [s] on. The filter
-        keeps its steps from now on.
-        """
+        """`hidden` (j,) joints count from `since` [s] on; the filter keeps its steps."""
         self._state = filter_.state = KeptGaussian(filter_.state)
         self._freedom, self._since = Freedom(np.flatnonzero(hidden)), since
         self._passed, self._windows = np.eye(len(filter_.state.x)), 0
@@ -145,7 +142,6 @@ class FreedomWatch:
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom of the mean NEES."""
         return self._freedom.value
 
 
@@ -161,7 +157,7 @@ class Errors(NamedTuple):
     inside: float  # share of the windows in which they are in their 95 % ellipsoid
 
     def shown(self, joint: int | None) -> float:
-        """Of a joint [mrad, mm], or of the tip [cm]."""
+        """Errors of a joint [mrad, mm], or of the tip [cm]."""
         return 1e2 * self.tip if joint is None else 1e3 * float(self.joints[joint])
 
 
@@ -171,7 +167,6 @@ class Kind(NamedTuple):
     name: str
 
     def trust(self, model: Model) -> Trust:
-        """Of this model."""
         full = Trust.of(model)
         if self is FLOW:
             return replace(full, noise=NO_FORCE)
@@ -184,7 +179,7 @@ FILTER, FLOW, NO_LOAD = Kind("position sensor"), Kind("flow alone"), Kind("witho
 
 
 def heard(made: SimulatedRecording, model: Model, observed: Observed) -> HeardRecording:
-    """What the sensors of the joints of the model showed."""
+    """Readings of the sensors of the model's joints."""
     time = made.time - made.time[0]
     columns = [observed.machine.index(joint) for joint in model.joints]
     rows = [made.cylinders.index(joint) for joint in model.joints]
@@ -203,9 +198,7 @@ class ObservedRecording(NamedTuple):
     model: Model
 
     def observe(self, hidden: np.ndarray, kind: Kind, off: float = 0.0) -> Errors:
-        """From a start that is known, or `off` by so much and only trusted so far; errors of such
-        a start count when it has had time to converge.
-        """
+        """From a known start, or one that is `off` and trusted so far; errors count later."""
         recording = heard(self.made, self.model, self.observed)
         course = replay(self._sensor(recording, hidden, kind, off), recording, hidden)
         return self._errors(recording, course, hidden, off)
@@ -288,7 +281,7 @@ def identified(observed: Observed, seed: int, folder: Path) -> Model:
 
 
 class ObservedQuantity(NamedTuple):
-    """Of one quantity in one recording."""
+    """Errors of one quantity in one recording."""
 
     what: str
     aim: float
@@ -346,7 +339,7 @@ def together(outcomes: Sequence[ObservedQuantity]) -> MeasuredRow:
 
 
 def missed(rows: Sequence[MeasuredRow]) -> list[str]:
-    """What the position estimator does not reach, in words."""
+    """Requirements that the position estimator misses, in words."""
     return [
         f"{row.cells[0]}: {row.values['sensor']:.2f}, aim {row.values['aim']:g}"
         for row in rows

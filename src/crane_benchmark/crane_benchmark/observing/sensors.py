@@ -93,9 +93,7 @@ def _mark(axis: "Axes", answers: Sequence[MonitorAnswer]) -> None:
 
 
 def draw_curves(path: Path, answers: Sequence[MonitorAnswer]) -> None:
-    """Of each kind a panel: a mark for each case, at its size and the time until it was found, and
-    the share that is found in time.
-    """
+    """Draw each kind: cases by size and time until found, and the share found in time."""
     from matplotlib.figure import Figure  # a second to import
     from matplotlib.ticker import NullFormatter
 
@@ -164,7 +162,6 @@ class BenchmarkWork(NamedTuple):
         return self.kept.recording(f"{'learning' if learning else 'without'}_{k:03d}", made)
 
     def failing(self, case: FailingCase) -> HeardWork:
-        """That of a case."""
         made = partial(with_fault, self.observed, self.model, case)
         return self.kept.recording(f"fault_{case.seed}_{case.fault}", made)
 
@@ -181,9 +178,7 @@ class BenchmarkWork(NamedTuple):
 def rows_of(
     name: str, seconds: float, found: int, answers: Sequence[MonitorAnswer]
 ) -> list[MeasuredRow]:
-    """Every aim of the monitor, and what else it finds; `found` in `seconds` without fault, to
-    which what comes before a fault is added.
-    """
+    """Aims and findings of the monitor; `found` in `seconds` without fault."""
     hours = (seconds + sum(answer.before for answer in answers)) / HOUR
     alarms = found + sum(answer.alarms for answer in answers)
     told = [answer for answer in answers if answer.first is not None]

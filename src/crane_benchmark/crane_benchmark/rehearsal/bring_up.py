@@ -26,12 +26,12 @@ ANSWERS = 100  # more than any step asks
 
 
 class RehearsedValve(ResultPart):
-    """What bring-up measured of a valve."""
+    """Bring-up's measurements of a valve."""
 
     joint: str
     """Joint that the valve moves."""
     sign_stays: bool
-    """Whether the sign of the command in can.yaml was confirmed."""
+    """The sign of the command in can.yaml was confirmed."""
     dead_band: tuple[float, float]
     """Measured dead bands of positive and negative commands [-]."""
     true_dead_band: tuple[float, float]

@@ -30,7 +30,6 @@ class CraneRun:
             self.file(name)
 
     def file(self, name: str) -> Path:
-        """A file of the machine."""
         return machine_file(name, self.machine)
 
     @property
@@ -52,12 +51,11 @@ class CraneRun:
         return values
 
     def summary(self) -> Summary:
-        """What `identify` found."""
+        """Result of `identify`."""
         return Summary.read(self.folder / "summary.json")
 
     @property
     def true_values_file(self) -> Path:
-        """Where the true values stand."""
         return self.folder / "true_values.json"
 
     def note_true_values(self, suite: Processes) -> None:

@@ -82,24 +82,21 @@ class OperatorNode(Onlooker):
         return abs(self.estimate.velocity[names.index(joint)]) if joint in names else 0.0
 
     def stopped_by(self, joint: str) -> bool:
-        """Whether the driver is in a fault, and this joint's encoder was named."""
+        """Return whether the driver is in a fault that names this joint's encoder."""
         self._look()
         state = self.driver.state
         named = joint in self.named or state.source == joint
         return named and state.state == DriverState.STATE_FAULT
 
     def in_state(self, *states: int) -> bool:
-        """Whether the driver is in one of these."""
         self._look()
         return self.driver.state.state in states
 
     def silent(self) -> bool:
-        """Whether nobody commands the valves."""
         self._look()
         return self.node.count_publishers("valve_command") == 0
 
     def over(self) -> bool:
-        """Whether the experiment that was begun has ended."""
         self._look()
         return bool(self._ending and self._ending.done())
 
@@ -201,7 +198,7 @@ def lose_encoder(
 
 
 class Told(NamedTuple):
-    """What the messages of a topic say: stamps (n,) [ns], values (n, k)."""
+    """Messages of a topic: stamps (n,) [ns], values (n, k)."""
 
     stamp: np.ndarray
     values: np.ndarray

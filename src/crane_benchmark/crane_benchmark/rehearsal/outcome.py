@@ -27,11 +27,10 @@ class RehearsedParameter(ResultPart):
     std_dev: Number
     """Standard deviation of the estimate [unit]."""
     recovered: bool
-    """Whether the estimate is within 3 σ or 2 % of the true value."""
+    """The estimate is within 3 σ or 2 % of the true value."""
 
     @classmethod
     def of(cls, found: ParameterSummary, true: float) -> Self:
-        """The estimate next to the true value."""
         value, std_dev = found.value, found.std_dev
         if value is None or std_dev is None or std_dev > abs(true) > 0.0:
             value = std_dev = None

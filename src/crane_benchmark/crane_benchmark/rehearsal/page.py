@@ -95,7 +95,6 @@ def verdict(outcome: Rehearsal, machine: Machine) -> list[str]:
 def _kinds(
     outcome: Rehearsal, machine: Machine
 ) -> tuple[list[RehearsedParameter], list[RehearsedParameter]]:
-    """Parameters of mechanics and of hydraulics."""
     names = {f"{name}.{joint}" for joint in machine.joint_names for name in JointHydraulics.units}
     every = outcome.parameters
     return (

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Self
 
 from ament_index_python.packages import get_package_prefix
@@ -25,7 +25,7 @@ class ProcessError(CraneError):
 
 
 def command(package: str, executable: str, *arguments: object) -> list[str]:
-    """What `ros2 run` would start."""
+    """Command that `ros2 run` would start."""
     path = Path(get_package_prefix(package)) / "lib" / package / executable
     return [str(path), *map(str, arguments)]
 
@@ -54,12 +54,7 @@ class Processes:
             self._handlers[number] = signal.signal(number, self._interrupt)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.stop_all()
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
@@ -78,7 +73,6 @@ class Processes:
         *arguments: object,
         stdin: int = subprocess.DEVNULL,
     ) -> None:
-        """Start one in the background."""
         with self._log(name).open("ab") as log:
             self._running[name] = subprocess.Popen(
                 command(package, executable, *arguments),
@@ -119,7 +113,6 @@ class Processes:
         return self.said(name)
 
     def said(self, name: str) -> str:
-        """What one has printed so far."""
         return self._log(name).read_text(encoding="utf-8")
 
     def finish(self, *names: str) -> None:

@@ -51,8 +51,7 @@ from crane_model.model_file import Model, load_model
 from crane_nodes import this_computer
 from crane_observer.monitor.replay import watch
 from crane_observer.monitor.tolerance import Tolerance, learn
-from crane_sim.options import load_both
-from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim.parts.parameters import SimulatedCrane, load_both
 from crane_trajectory.control.choice import PD_DEAD_BAND
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan

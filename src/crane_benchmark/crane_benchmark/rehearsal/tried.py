@@ -1,4 +1,4 @@
-"""What a rehearsal tries without a driver: margins, stopping distances, and sensor faults."""
+"""Parts of a rehearsal without a driver: margins, stopping distances, and sensor faults."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -181,7 +181,7 @@ class RehearsedFault(ResultPart):
     named: str
     """The first finding of the monitor; empty if there is none."""
     right: bool
-    """Whether the finding names the part that failed."""
+    """The finding names the part that failed."""
     seconds: Number
     """Time from the onset to the finding [s]; null if there is none."""
 

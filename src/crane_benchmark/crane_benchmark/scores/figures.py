@@ -1,4 +1,4 @@
-"""Pictures of the results: power over strength, calibration of the threshold, confusion."""
+"""Pictures of the results: power over magnitude, calibration of the threshold, confusion."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentF
 
 from crane_benchmark.answers.answer_cases import AnswerStatistics
 from crane_benchmark.cases.case import CaseKind
-from crane_benchmark.cases.case_sets import STRENGTHS
+from crane_benchmark.cases.case_sets import RELATIVE_MAGNITUDES
 from crane_benchmark.scores.judgement import OURS, Judgement
 from crane_benchmark.scores.summary import (
     CaseRow,
@@ -69,14 +69,12 @@ def tails(ordered: np.ndarray, share: float) -> np.ndarray:
 
 
 class BootstrapAgreement(ResultPart):
-    """Scores of null cases through the whole sensor chain, and what the bootstrap promises, in
-    units of the quantile that is the threshold.
-    """
+    """Scores of null cases over the bootstrap's promise, in units of the threshold."""
 
     level: float
     """Quantile of the bootstrap that cases are compared with [-]."""
     above: Rate
-    """Of cases above it; the share that it leaves, if both agree."""
+    """Share of cases above it; the share that it leaves, if both agree."""
     found: list[float]
     """Scores, sorted [-]."""
     promised: list[float]
@@ -136,7 +134,7 @@ def write_agreement(folder: Path, agreement: BootstrapAgreement) -> None:
 
 
 def _power(rows: Sequence[CaseRow]) -> Figure:
-    """Right name and joint over the strength, ours and others, and what a learner is sure of."""
+    """Right name and joint over the relative magnitude, ours and others, and the learner's."""
     figure = Figure(figsize=(7.2, 4.4), layout="constrained")
     axes = figure.add_subplot()
     methods = list(dict.fromkeys(name for row in rows for name in row.outcomes))
@@ -146,7 +144,7 @@ def _power(rows: Sequence[CaseRow]) -> Figure:
     }
     curves[LEARNER] = sees.power, sees.false_alarms
     for number, (method, (curve, alarms)) in enumerate(curves.items()):
-        known = [s for s in STRENGTHS if curve[s].of]
+        known = [s for s in RELATIVE_MAGNITUDES if curve[s].of]
         shift = 2.0 ** (NARROW * (number - (len(curves) - 1) / 2))
         middle = np.array([curve[s].rate for s in known])
         ends = np.array([curve[s].interval for s in known]).reshape(-1, 2)
@@ -166,15 +164,16 @@ def _power(rows: Sequence[CaseRow]) -> Figure:
     counts = power(rows, OURS)
     axes.set_xscale("log")
     axes.set_xticks(
-        [100 * s for s in STRENGTHS], [f"{100 * s:g} %\nn = {counts[s].of}" for s in STRENGTHS]
+        [100 * s for s in RELATIVE_MAGNITUDES],
+        [f"{100 * s:g} %\nn = {counts[s].of}" for s in RELATIVE_MAGNITUDES],
     )
     axes.minorticks_off()
     axes.set(
-        xlabel="strength of the hidden effect, rms over that of the drive force",
+        xlabel="relative magnitude of the injected effect, rms over that of the drive force",
         ylabel="right name and joint [%], 95 % interval",
         ylim=(-3, 103),
     )
-    axes.set_xlim(80 * STRENGTHS[0], 125 * STRENGTHS[-1])
+    axes.set_xlim(80 * RELATIVE_MAGNITUDES[0], 125 * RELATIVE_MAGNITUDES[-1])
     figure.legend(frameon=False, loc="outside upper left", ncols=2)
     return figure
 
@@ -192,7 +191,7 @@ def _threshold(rows: Sequence[CaseRow]) -> Figure | None:
         _survival(axes, groups, key, words)
         for axes, key, words in (
             (left, "best", "best score over its quantile from noise"),
-            (right, "learner", "strength of the law that a learner finds"),
+            (right, "learner", "relative magnitude of the model form that a learner finds"),
         )
     ]
     if not any(drawn):
@@ -223,7 +222,7 @@ def _survival(
 
 
 def _confusion(rows: Sequence[CaseRow]) -> Figure:
-    """What is hidden (rows) against the headline of the answer (columns), counts."""
+    """Counts of injected effects (rows) against headlines of the answers (columns)."""
 
     def truth(row: CaseRow) -> str:
         if row.kind == CaseKind.SINGLE:

@@ -1,7 +1,7 @@
-"""Whether an answer is right: by effect and joint, whichever of its laws the catalogue names.
+"""Judgement of an answer: by effect and joint, whichever of its model forms the catalogue names.
 
-Position-dependent friction may be linear or cyclic in q: to the catalogue these are laws of one
-effect (`Effect.law_of`, `Effect.kin`), and naming either on the joint of the other is right.
+Position-dependent friction may be linear or cyclic in q: in the catalogue these are model forms of
+one effect (`Effect.law_of`, `Effect.kin`), and naming either on the joint of the other is right.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from crane_benchmark.answers.answer_cases import CRASH, CaseAnswer
 from crane_benchmark.cases.case import CaseKind
-from crane_benchmark.cases.case_sets import TWINS
+from crane_benchmark.cases.case_sets import CONSTANT_FORCES
 from crane_model.result_file import ResultPart
 from crane_model.terms import REGISTRY
 
@@ -42,11 +42,11 @@ class BlindAnswer(ResultPart):
     verdict: str
     """As in `answer.json`."""
     findings: tuple[tuple[Place, ...], ...] = ()
-    """Of each, effect and joint of what is named first, then of the other members of its class."""
+    """Effect and joint of each finding, then of the other members of its ambiguity group."""
 
     @classmethod
     def of_diagnosis(cls, said: CaseAnswer) -> "BlindAnswer":
-        """What a diagnosis said."""
+        """Findings of a diagnosis."""
         found = said.findings.findings if said.findings else []
         members = ((finding, *finding.ambiguity_group) for finding in found)
         places = tuple(tuple((one.effect, one.joint) for one in several) for several in members)
@@ -54,7 +54,7 @@ class BlindAnswer(ResultPart):
 
     @classmethod
     def of_names(cls, names: Sequence[Place]) -> "BlindAnswer":
-        """Of a method that only names effects."""
+        """Findings of a method that only names effects."""
         return cls(verdict="named" if names else "none", findings=tuple((name,) for name in names))
 
     @property
@@ -89,7 +89,7 @@ def judge(
     kind: CaseKind,
     hidden: Sequence[Place],
     answer: BlindAnswer,
-    twin: Callable[[int, Place], bool],
+    explains: Callable[[int, Place], bool],
     above_noise: bool = True,
     off: bool = False,
 ) -> Judgement:
@@ -97,8 +97,8 @@ def judge(
     `above_noise`. Where a machine is `off`, what scales the force of a joint may be named, beside
     what else is hidden.
 
-    `twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law; a
-    class counts as right where all its members do. Of twins, the first is what the model lacks.
+    `explains(i, other)` says whether `other` explains the i-th hidden effect as well as its own
+    law; an ambiguity group is right if all its members are. Ambiguous cases lack the first effect.
     """
     verdict = answer.verdict
     if verdict == CRASH:
@@ -110,7 +110,9 @@ def judge(
         return Judgement.RIGHT
     if verdict == "insufficient_data":
         return (
-            Judgement.RIGHT if kind in {CaseKind.CLASS, CaseKind.INSUFFICIENT} else Judgement.MISSED
+            Judgement.RIGHT
+            if kind in {CaseKind.AMBIGUOUS, CaseKind.INSUFFICIENT}
+            else Judgement.MISSED
         )
     if verdict == "unknown":
         return Judgement.NOT_NAMED
@@ -120,7 +122,7 @@ def judge(
     rest = without_lengths(answer, hidden) if off else answer
     of_lengths = (finding for finding in answer.findings if finding not in rest.findings)
     wide = any(effect not in SCALES for members in of_lengths for effect, _ in members)
-    outcome = _beside_lengths(kind, hidden, rest, twin)
+    outcome = _beside_lengths(kind, hidden, rest, explains)
     return Judgement.TOO_WIDE if wide and outcome is Judgement.RIGHT else outcome
 
 
@@ -131,36 +133,37 @@ def without_lengths(answer: BlindAnswer, hidden: Sequence[Place]) -> BlindAnswer
 
 
 def _of_lengths(members: Sequence[Place], hidden: Sequence[Place]) -> bool:
-    """Whether a finding is what such a linkage is to its joint, and not what is hidden besides."""
+    """Return whether a finding is the effect of such a linkage, and not an injected one."""
     meant = any(_same(place, member) for member in members for place in hidden)
     return not meant and any(effect in SCALES for effect, _ in members)
 
 
 def _beside_lengths(
-    kind: CaseKind, hidden: Sequence[Place], answer: BlindAnswer, twin: Callable[[int, Place], bool]
+    kind: CaseKind,
+    hidden: Sequence[Place],
+    answer: BlindAnswer,
+    explains: Callable[[int, Place], bool],
 ) -> Judgement:
-    """What an answer that names something says beside the lengths that it names."""
+    """Judge an answer by its findings besides the lengths that it names."""
     if kind is CaseKind.LENGTHS:
         return Judgement.WRONG_NAME if answer.findings else Judgement.RIGHT
     if not answer.findings:  # lengths alone are named
         if kind is CaseKind.OUTSIDE and answer.verdict == AND_MORE:
             return Judgement.RIGHT  # the rest is unknown
         return Judgement.NOT_NAMED if answer.verdict == AND_MORE else Judgement.MISSED
-    if kind is CaseKind.CLASS:
-        return _of_twins(hidden, answer, twin)
-    outcome = _named(hidden, answer, twin)
+    if kind is CaseKind.AMBIGUOUS:
+        return _of_ambiguous(hidden, answer, explains)
+    outcome = _named(hidden, answer, explains)
     if kind is CaseKind.INSUFFICIENT and outcome is Judgement.TOO_WIDE:
         return Judgement.RIGHT  # so little data does not tell the class apart
     return outcome
 
 
-def _of_twins(
-    hidden: Sequence[Place], answer: BlindAnswer, twin: Callable[[int, Place], bool]
+def _of_ambiguous(
+    hidden: Sequence[Place], answer: BlindAnswer, explains: Callable[[int, Place], bool]
 ) -> Judgement:
-    """What is hidden is one of the twins; a further finding may be another law of it, as of an
-    offset that drifts.
-    """
-    known = {(effect, "telescope") for effect in TWINS}
+    """Judge an answer to an ambiguous case; a further finding may be another model form."""
+    known = {(effect, "telescope") for effect in CONSTANT_FORCES}
     classes = [set(members) for members in answer.findings if set(members) & known]
     further = [members for members in answer.findings if not set(members) & known]
     laws = [[any(_same(name, place) for place in hidden) for name in named] for named in further]
@@ -169,12 +172,12 @@ def _of_twins(
     found = classes[0]
     if len(found & known) < 2:
         return Judgement.WRONG_NAME  # picks one where nothing tells them apart
-    alike = all(twin(0, place) for place in found - known)
+    alike = all(explains(0, place) for place in found - known)
     return Judgement.RIGHT if alike and all(map(all, laws)) else Judgement.TOO_WIDE
 
 
 def _named(
-    hidden: Sequence[Place], answer: BlindAnswer, twin: Callable[[int, Place], bool]
+    hidden: Sequence[Place], answer: BlindAnswer, explains: Callable[[int, Place], bool]
 ) -> Judgement:
     """Two findings may be laws of one hidden effect that neither describes alone."""
     found: set[int] = set()
@@ -187,7 +190,9 @@ def _named(
             return Judgement.WRONG_NAME
         chosen = next((i for i in meant if i not in found), meant[0])
         found.add(chosen)
-        wide |= not all(_same(member, hidden[chosen]) or twin(chosen, member) for member in members)
+        wide |= not all(
+            _same(member, hidden[chosen]) or explains(chosen, member) for member in members
+        )
     if len(found) < len(hidden):
         return Judgement.PARTLY
     return Judgement.TOO_WIDE if wide else Judgement.RIGHT

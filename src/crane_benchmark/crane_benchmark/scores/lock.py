@@ -42,18 +42,16 @@ THRESHOLD_DIGITS = 3
 
 
 class Calibration(ResultFile):
-    """What thresholds were set by."""
+    """Data that thresholds were set by."""
 
     agreement: BootstrapAgreement
-    """Of the bootstrap."""
+    """Agreement of the bootstrap."""
     statistics: list[AnswerStatistics]
-    """Of the cases."""
+    """Statistics of the cases."""
 
 
 class GateStatistic(NamedTuple):
-    """A gate of `Gates`, the statistic of an answer that is compared with it, and the least it may
-    be: None is what the file holds now.
-    """
+    """A gate of `Gates`, its statistic of an answer, and its least value (None: the file's)."""
 
     threshold: str
     statistic: str
@@ -63,7 +61,7 @@ class GateStatistic(NamedTuple):
 GATES = (
     # Not lowered: few null cases hold an effect that is strong enough to pass the other gates.
     GateStatistic("score_factor", "score", None),
-    GateStatistic("smallest_strength", "strength", None),
+    GateStatistic("smallest_strength", "relative_magnitude", None),
     GateStatistic("floor_factor", "floor", 2.5),  # few periods say little of scatter
     GateStatistic("sample_noise_factor", "sample_noise", 3.5),  # one of 80 machines reached 3.2
     GateStatistic("pulsation_clearness", "pulsation", None),  # 72 other sets say more of it

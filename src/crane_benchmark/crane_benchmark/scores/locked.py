@@ -1,4 +1,4 @@
-"""What is locked: everything that a verdict depends on between a bag and the answer.
+"""Locked values: everything that a verdict depends on between a bag and the answer.
 
 A change of names or words changes no answer and needs no other calibration. This is shown on the
 same bags, BEFORE and AFTER the change: answers are equal to the digit, and so are locked values.
@@ -64,17 +64,15 @@ def state() -> dict[str, Any]:
 
 @cache
 def modules() -> tuple[Path, ...]:
-    """The files of the suite that reading a bag and diagnosing it import, asked of a process that
-    does nothing else.
-    """
+    """Files of the suite that a process imports which reads a bag and diagnoses it."""
     command = [sys.executable, "-c", LIST_MODULES]
     listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     return tuple(Path(line) for line in listed.splitlines())
 
 
 def digest_of_code(sources: Iterable[str]) -> str:
-    """Of what modules do, by this version of Python: comments, docstrings, imports and the place of
-    a module do not count; words that are printed do.
+    """Digest of the code of modules, by this version of Python: comments, docstrings, imports and
+    the place of a module do not count; words that are printed do.
     """
     digests = (hashlib.sha256(_statements(source).encode()).hexdigest() for source in sources)
     return hashlib.sha256("".join(sorted(digests)).encode()).hexdigest()
@@ -90,19 +88,19 @@ def _statements(source: str) -> str:
 
 
 def _says_nothing(node: ast.stmt) -> bool:
-    """Whether a statement is an import, or a text by itself."""
+    """Return whether a statement is an import, or a text by itself."""
     if isinstance(node, ast.Expr):
         return isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
     return isinstance(node, ast.Import | ast.ImportFrom)
 
 
 def digest(found: dict[str, Any]) -> str:
-    """Of a state."""
+    """Digest of a state."""
     return hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()
 
 
 def differences(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """Where two states differ, in words."""
+    """Differences of two states, in words."""
     said = []
     for part in STATE_PARTS:
         old, new = before.get(part, {}), now[part]
@@ -180,7 +178,7 @@ def same_answers(before: Path, after: Path) -> int:
 
 
 def _values(answer: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """What an answer says, by where: lengths of lists, numbers, and the texts that are answers."""
+    """Content of an answer by place: lengths of lists, numbers, and the texts that are answers."""
     if isinstance(answer, dict):
         for key, value in answer.items():
             if key not in UNCOMPARED_KEYS:

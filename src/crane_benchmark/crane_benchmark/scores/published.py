@@ -36,7 +36,6 @@ class TableLine(NamedTuple):
     shown: str = PERCENT_FORMAT
 
     def aim(self, simulator: Simulator) -> str:
-        """What is aimed at there."""
         return self.independent if simulator is Simulator.INDEPENDENT else self.primary
 
 
@@ -63,7 +62,7 @@ TARGETS = {
     "unknown_recognised": TableLine("outside the catalogue: unknown", "≥ 95 %", "≥ 90 %"),
     "unknown_recognised_shown": TableLine("the same, identifiable"),
     "lengths_recognised": TableLine("lengths not those of the file: unknown, or a gain"),
-    "twins": TableLine("twins: class"),
+    "ambiguous": TableLine("indistinguishable effects: ambiguous"),
     "too_little_data": TableLine("too little data: said so"),
     "wrong_names": TableLine("all answers: wrong names", "≤ 1 %", "≤ 2 %", OF_ALL),
     "too_wide": TableLine("all answers: class too wide", shown=OF_ALL),
@@ -78,10 +77,12 @@ def tables(summary: BenchmarkSummary, simulator: Simulator = Simulator.PRIMARY) 
     first = plain_table(
         f"{simulator.value}, {summary.cases} cases: share [95 % interval] of answers"
     )
-    power = plain_table("Right name and joint of single, identifiable effects, by strength")
+    power = plain_table(
+        "Right name and joint of single, identifiable effects, by relative magnitude"
+    )
     first.add_column("", no_wrap=True)
     first.add_column("aim", justify="right")
-    power.add_column("strength")
+    power.add_column("relative magnitude")
     for name in methods:
         first.add_column(name, justify="right")
         power.add_column(name, justify="right")
@@ -92,10 +93,11 @@ def tables(summary: BenchmarkSummary, simulator: Simulator = Simulator.PRIMARY) 
             *(_rate(getattr(method, key), line.shown) for method in methods.values()),
         )
     power.add_column("flexible learner:\nsure of some law", justify="right")
-    for strength in methods[OURS].power:
+    for magnitude in methods[OURS].power:
         curves = [*(method.power for method in methods.values()), summary.learner.power]
         power.add_row(
-            f"{strength:.1%}", *(_rate(curve[strength], PERCENT_FORMAT) for curve in curves)
+            f"{magnitude:.1%}",
+            *(_rate(curve[magnitude], PERCENT_FORMAT) for curve in curves),
         )
     last = plain_table("Named effects: median [95 % interval]")
     for heading in ("", "aim", "median", "cases"):
@@ -108,7 +110,6 @@ def tables(summary: BenchmarkSummary, simulator: Simulator = Simulator.PRIMARY) 
 
 
 def _stories(stories: dict[str, dict[str, int]]) -> list[Table]:
-    """What became of each, where cases tell stories."""
     if not stories:
         return []
     table = plain_table("What strangers found: outcomes of diagnose")
@@ -121,7 +122,7 @@ def _stories(stories: dict[str, dict[str, int]]) -> list[Table]:
 
 
 def notes() -> list[str]:
-    """What counts as right beyond the tables' words."""
+    """Notes on answers that count as right beyond the tables' words."""
     several = "; ".join(" = ".join(laws_) for laws_ in laws().values())
     return [
         f"Laws of one effect, any of which is right: {several}.",
@@ -195,12 +196,12 @@ def rows(summary: BenchmarkSummary, simulator: Simulator) -> Iterator[MeasuredRo
 
 
 def _power(methods: Mapping[str, MethodRates]) -> MeasuredRow:
-    """Of single effects that can be identified, by strength."""
-    strengths = list(methods[OURS].power)
+    """Power for single identifiable effects, by relative magnitude."""
+    magnitudes = list(methods[OURS].power)
     values: dict[str, float] = {}
     cells = []
     for place, method in enumerate(methods.values()):
-        rates = {s: method.power[s].rate for s in strengths}
+        rates = {s: method.power[s].rate for s in magnitudes}
         named = {
             f"power_{place}_{s:g}".replace(".", "_"): rate
             for s, rate in rates.items()
@@ -208,7 +209,7 @@ def _power(methods: Mapping[str, MethodRates]) -> MeasuredRow:
         }
         values |= named
         cells.append(", ".join(f"{{{name}:.0%}}" for name in named) or NO_CASE)
-    listed = ", ".join(f"{100.0 * s:g}" for s in strengths)
+    listed = ", ".join(f"{100.0 * s:g}" for s in magnitudes)
     return MeasuredRow(cells=[f"single, identifiable, of {listed} %", "", *cells], values=values)
 
 
@@ -217,7 +218,6 @@ def _ends(key: str, interval: Interval) -> dict[str, float]:
 
 
 def _interval_format(shown: str, key: str) -> str:
-    """A format of the ends of an interval."""
     return f"[{_named(shown, f'{key}_low')}, {_named(shown, f'{key}_high')}]"
 
 
@@ -236,9 +236,9 @@ def _named(shown: str, name: str) -> str:
 
 
 def side_by_side(sets: Mapping[str, MeasuredFigures]) -> list[MeasuredRow]:
-    """What `diagnose` reached in each of the sets, row by row of the first one.
+    """Results of `diagnose` in each of the sets, row by row of the first one.
 
-    `DataError` where a set was not scored by the benchmark.
+    `DataError` if a set was not scored by the benchmark.
     """
     for name, figures in sets.items():
         if OURS not in figures.columns:

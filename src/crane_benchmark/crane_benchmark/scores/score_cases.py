@@ -48,10 +48,10 @@ def score_case(job: ScoringJob) -> None:
     said = CaseAnswer.read(given / ANSWER)
     answers = {OURS: BlindAnswer.of_diagnosis(said)}
     answers |= {name: BlindAnswer.of_names(names) for name, names in said.others.items()}
-    twin = partial(truth.twin, model)
+    explains = partial(truth.explains, model)
     above_noise = truth.above_noise(model)
     outcomes = {
-        name: judge(truth.case.kind, truth.places, answer, twin, above_noise, truth.case.off)
+        name: judge(truth.case.kind, truth.places, answer, explains, above_noise, truth.case.off)
         for name, answer in answers.items()
     }
     gap = truth.gap(model)
@@ -68,7 +68,7 @@ def score_case(job: ScoringJob) -> None:
         hidden=[
             ScoredEffect(wanted=effect, reached=s, visibility=v)
             for effect, s, v in zip(
-                truth.case.effects, truth.strength, truth.visibility(model), strict=True
+                truth.case.effects, truth.relative_magnitude, truth.visibility(model), strict=True
             )
         ],
         gap=dict(zip(model.joints, gap.tolist(), strict=True)),

@@ -8,7 +8,7 @@ from scipy.stats import binomtest, bootstrap
 
 from crane_benchmark.answers.answer_cases import AnswerStatistics
 from crane_benchmark.cases.case import CaseKind, EffectToHide, Simulator, Story, World
-from crane_benchmark.cases.case_sets import STRENGTHS
+from crane_benchmark.cases.case_sets import RELATIVE_MAGNITUDES
 from crane_benchmark.cases.motions import Richness
 from crane_benchmark.scores.judgement import AND_MORE, OURS, BlindAnswer, Judgement
 from crane_identification.thresholds import load_thresholds
@@ -40,7 +40,7 @@ class Median(ResultPart):
     of: int
     """Values [-]."""
     median: Number
-    """Of the values [of the values]; null of nothing."""
+    """Median of the values [of the values]; null without any."""
     interval: Interval | None
     """By the bootstrap, 95 % [of the values]; null of few values."""
 
@@ -73,12 +73,12 @@ def median(values: Sequence[float]) -> Median:
 
 
 class ScoredEffect(ResultPart):
-    """What was hidden."""
+    """Ground truth of an injected effect."""
 
     wanted: EffectToHide
     """As the case asks for it."""
     reached: Number = None
-    """Largest strength that it had in a recording to train on [-]."""
+    """Largest relative magnitude that it had in a recording to train on [-]."""
     visibility: Number
     """Share of it that recordings of this kind show [-]; null where nothing says what is usual."""
 
@@ -89,15 +89,15 @@ class CaseRow(ResultFile):
     case: str
     """Its name."""
     kind: CaseKind
-    """What sort of case it is."""
+    """Kind of the case."""
     simulator: Simulator
     """Whose machine it is."""
     world: World
-    """Where it comes from."""
+    """Source of the case."""
     off: bool
-    """Whether its machine has not the lengths of its file."""
+    """The lengths of the machine differ from its file."""
     story: Story | None
-    """What goes on in it, of the strangers."""
+    """Story of the case, for strangers."""
     excitation: Richness
     """How well it is excited."""
     hidden: list[ScoredEffect]
@@ -105,15 +105,15 @@ class CaseRow(ResultFile):
     gap: NumberByJoint
     """Error of the model on clean recordings, over the force: what could be explained [-]."""
     above_noise: bool
-    """Whether that error is significantly above noise."""
+    """That error is significantly above noise."""
     outcomes: dict[str, Judgement]
     """By method."""
     answers: dict[str, BlindAnswer]
     """By method."""
     reason: str
-    """Of the diagnosis."""
+    """Reason of the diagnosis."""
     statistics: AnswerStatistics | None
-    """Of the diagnosis."""
+    """Statistics of the diagnosis."""
     seconds: Number
     """CPU time of the diagnosis [s]."""
     parameter_errors: list[float]
@@ -125,30 +125,30 @@ class CaseRow(ResultFile):
 
 
 Power = dict[float, Rate]
-"""By the strength that was asked for."""
+"""By the relative magnitude that was asked for."""
 
 
 class MethodRates(ResultPart):
     """How often a method was right, or how wrong."""
 
     false_alarms: Rate
-    """Of cases that hide nothing."""
+    """Share of cases without injected effects."""
     false_reassurance: Rate
-    """Of all cases: `none`, though the model errs significantly on what is held out."""
+    """Share of all cases: `none`, though the model errs significantly on held-out data."""
     lengths_recognised: Rate
     """Right, of machines with other lengths than their file has."""
     right_from_2_percent: Rate
-    """Of single effects that can be identified."""
+    """Share of single effects that can be identified."""
     right_from_2_percent_all: Rate
-    """Of all single effects."""
+    """Share of all single effects."""
     right_from_2_percent_surveyed: Rate
-    """Of those that can be identified, on machines that have the lengths in their file."""
+    """Share of the identifiable ones, on machines that have the lengths in their file."""
     right_from_2_percent_off: Rate
-    """Of those that can be identified, on machines with other lengths than their file has."""
+    """Share of the identifiable ones, on machines with other lengths than in their file."""
     hedged: Rate
-    """Of right answers to these: those that say there is more."""
+    """Share of right answers to these that say there is more."""
     right_at_1_percent: Rate
-    """Of single effects that can be identified."""
+    """Share of single effects that can be identified."""
     power: Power
     """Right, of single effects that can be identified."""
     pairs_at_4_percent: Rate
@@ -156,34 +156,34 @@ class MethodRates(ResultPart):
     one_of_two: Rate
     """One right, of the same."""
     unknown_recognised: Rate
-    """Of effects outside the catalogue."""
+    """Share of effects outside the catalogue."""
     unknown_recognised_shown: Rate
-    """Of those that can be identified."""
-    twins: Rate
+    """Share of those that can be identified."""
+    ambiguous: Rate
     """Right, of effects that no data tell apart."""
     too_little_data: Rate
     """Right, of such cases."""
     wrong_names: Rate
-    """Of all cases."""
+    """Share of all cases."""
     too_wide: Rate
-    """Of all cases: a class with members that the data do tell apart."""
+    """Share of all cases: an ambiguity group with members that the data discriminate."""
     crashes: Rate
-    """Of all cases."""
+    """Share of all cases."""
 
 
 class LearnerRates(ResultPart):
     """How often the flexible learner is sure of a law."""
 
     false_alarms: Rate
-    """Of cases that hide nothing."""
+    """Share of cases without injected effects."""
     outside: Rate
-    """Of effects outside the catalogue."""
+    """Share of effects outside the catalogue."""
     power: Power
-    """Of single effects that can be identified."""
+    """Power for single effects that can be identified."""
 
 
 class BenchmarkSummary(ResultPart):
-    """What all cases say together."""
+    """Summary of all cases."""
 
     cases: int
     """How many [-]."""
@@ -194,7 +194,7 @@ class BenchmarkSummary(ResultPart):
     gap_closed_by_learner: Median
     """The same by the flexible learner, of all cases that hide something [-]."""
     learner: LearnerRates
-    """Of the flexible learner."""
+    """Rates of the flexible learner."""
     parameter_error: Median
     """Relative, of those that mean the same in the hidden law [-]."""
     seconds: Median
@@ -206,14 +206,14 @@ class BenchmarkSummary(ResultPart):
 
 
 class BenchmarkResults(ResultFile):
-    """What a set of cases gave."""
+    """Results of a set of cases."""
 
     thresholds: str
     """Digest of everything that decides."""
     summary: BenchmarkSummary
-    """Of all."""
+    """Summary over both simulators."""
     simulators: dict[Simulator, BenchmarkSummary]
-    """Of the machines of each simulator."""
+    """Summaries of the machines of each simulator."""
     cases: list[CaseRow]
     """One by one."""
 
@@ -260,14 +260,17 @@ def learnt(rows: Sequence[CaseRow]) -> LearnerRates:
     return LearnerRates(
         false_alarms=sees(of_kind(rows, CaseKind.NOTHING)),
         outside=sees(of_kind(rows, CaseKind.OUTSIDE)),
-        power={strength: sees(some) for strength, some in by_strength(rows).items()},
+        power={size: sees(some) for size, some in by_relative_magnitude(rows).items()},
     )
 
 
-def by_strength(rows: Sequence[CaseRow]) -> dict[float, list[CaseRow]]:
-    """Cases of single effects that can be identified, by the strength that was asked for."""
+def by_relative_magnitude(rows: Sequence[CaseRow]) -> dict[float, list[CaseRow]]:
+    """Cases of single effects that can be identified, by the requested relative magnitude."""
     seen = [row for row in of_kind(rows, CaseKind.SINGLE) if identifiable(row)]
-    return {s: [row for row in seen if row.hidden[0].wanted.strength == s] for s in STRENGTHS}
+    return {
+        s: [row for row in seen if row.hidden[0].wanted.relative_magnitude == s]
+        for s in RELATIVE_MAGNITUDES
+    }
 
 
 def of_kind(rows: Sequence[CaseRow], kind: CaseKind) -> list[CaseRow]:
@@ -276,7 +279,7 @@ def of_kind(rows: Sequence[CaseRow], kind: CaseKind) -> list[CaseRow]:
 
 
 def identifiable(row: CaseRow) -> bool:
-    """Whether the clean recordings show every effect of the case, by its visibility."""
+    """Return whether the clean recordings show every effect of the case, by its visibility."""
     return all(
         effect.visibility is None or effect.visibility >= VISIBLE_SHARE for effect in row.hidden
     )
@@ -292,7 +295,7 @@ def share(
 
 def power(rows: Sequence[CaseRow], method: str) -> Power:
     """Share of right answers to single effects that can be identified."""
-    return {s: share(of, method, Judgement.RIGHT) for s, of in by_strength(rows).items()}
+    return {s: share(of, method, Judgement.RIGHT) for s, of in by_relative_magnitude(rows).items()}
 
 
 def _told(rows: Sequence[CaseRow]) -> dict[str, dict[str, int]]:
@@ -306,10 +309,10 @@ def _told(rows: Sequence[CaseRow]) -> dict[str, dict[str, int]]:
 
 def _of_method(rows: Sequence[CaseRow], method: str) -> MethodRates:
     singles = of_kind(rows, CaseKind.SINGLE)
-    strong = [row for row in singles if row.hidden[0].wanted.strength >= 0.02]
+    strong = [row for row in singles if row.hidden[0].wanted.relative_magnitude >= 0.02]
     shown = [row for row in strong if identifiable(row)]
     answered = [row for row in rows if method in row.answers]
-    weak = [row for row in singles if row.hidden[0].wanted.strength == 0.01]
+    weak = [row for row in singles if row.hidden[0].wanted.relative_magnitude == 0.01]
     pairs = [row for row in of_kind(rows, CaseKind.PAIR) if identifiable(row)]
     outside = of_kind(rows, CaseKind.OUTSIDE)
     right = [row for row in strong if row.outcomes.get(method) is Judgement.RIGHT]
@@ -336,7 +339,7 @@ def _of_method(rows: Sequence[CaseRow], method: str) -> MethodRates:
         unknown_recognised_shown=share(
             [row for row in outside if identifiable(row)], method, Judgement.RIGHT
         ),
-        twins=share(of_kind(rows, CaseKind.CLASS), method, Judgement.RIGHT),
+        ambiguous=share(of_kind(rows, CaseKind.AMBIGUOUS), method, Judgement.RIGHT),
         too_little_data=share(of_kind(rows, CaseKind.INSUFFICIENT), method, Judgement.RIGHT),
         wrong_names=share(rows, method, Judgement.WRONG_NAME),
         too_wide=share(rows, method, Judgement.TOO_WIDE),

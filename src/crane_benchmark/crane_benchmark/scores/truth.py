@@ -1,4 +1,4 @@
-"""What is true of a case by its clean simulation: strength, identifiability, explainable gap."""
+"""Truth of a case by its clean simulation: relative magnitude, identifiability, explainable gap."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -37,8 +37,8 @@ WALLS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 """How much a wall still gives, by its law, at a pressure over that which stiffens it."""
 SIGMAS = 3.0  # that an error is above what noise gives, to be significant
 NOTHING_LEFT = 0.002  # of the force, beyond what clean recordings leave of machines as surveyed
-TELESCOPE = "telescope"  # what the model of twins lacks a constant force of
-TWIN_TOLERANCE = 0.01  # of the energy of what is hidden: a law that explains it so nearly is a twin
+TELESCOPE = "telescope"  # joint whose constant force the model of ambiguous cases lacks
+AMBIGUITY_TOLERANCE = 0.01  # of the energy of an injected effect that an equal rival may leave
 COMPARABLE = {
     "chamber_gain": ("gain_B", ("gain",)),
     "encoder_offset": ("dq", ("offset",)),
@@ -134,14 +134,13 @@ class CaseTruth:
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """What is hidden where."""
         return tuple((effect.effect, effect.joint or WHOLE) for effect in self.case.effects)
 
     @property
-    def strength(self) -> list[float]:
-        """(k,) largest strength reached in any recording to train on, by its label."""
+    def relative_magnitude(self) -> list[float]:
+        """(k,) largest relative magnitude reached in any recording to train on, by its label."""
         reached = [
-            {(effect.name, effect.joint): effect.strength for effect in label.effects}
+            {(effect.name, effect.joint): effect.relative_magnitude for effect in label.effects}
             for label in self.labels
         ]
         return [
@@ -171,7 +170,7 @@ class CaseTruth:
         return shares
 
     def _labelled(self, place: Place) -> list[TrueEffect]:
-        """What the labels say of an effect, one entry for each recording that carries it."""
+        """Ground truth of an effect, one entry for each recording that carries it."""
         every = (effect for label in self.labels for effect in label.effects)
         return [effect for effect in every if (effect.name, effect.joint or WHOLE) == place]
 
@@ -195,13 +194,14 @@ class CaseTruth:
                 errors += [min(abs(abs(value) / true - 1.0) for true in hidden) for value in values]
         return errors
 
-    def twin(self, model: Model, number: int, rival: Place) -> bool:
-        """Whether another effect explains the hidden one as well as its own law does.
+    def explains(self, model: Model, number: int, rival: Place) -> bool:
+        """Return whether another effect explains the injected one as well as its own model form
+        does.
 
-        Where twins hide, that is the constant force that the model lacks.
+        In an ambiguous case, that is the constant force that the model lacks.
         """
         base = _Base(model, self.train)
-        if self.case.kind is CaseKind.CLASS:
+        if self.case.kind is CaseKind.AMBIGUOUS:
             place, part = (self.case.lacks[0], TELESCOPE), np.zeros(self.train.used.shape)
             part[:, PLANAR_JOINTS.index(TELESCOPE)] = 1.0
         else:
@@ -210,19 +210,17 @@ class CaseTruth:
         if not hidden.any():
             return False  # acts on flows
         explained = _explained(base, hidden, place)
-        return _explained(base, hidden, rival) >= explained - TWIN_TOLERANCE
+        return _explained(base, hidden, rival) >= explained - AMBIGUITY_TOLERANCE
 
     def gap(self, model: Model) -> np.ndarray:
-        """(j,) error of the model, fitted to clean recordings, on those to validate on, over the
-        force: what could be explained if the effects were known.
-        """
+        """(j,) explainable model error: fitted to clean recordings, on those to validate on."""
         theta = _Base(model, self.train).theta
         return _error(self.validate, model, theta)
 
     def above_noise(self, model: Model) -> bool:
-        """Whether the error of the model, fitted to clean recordings, is significant on those to
-        validate on: beside the noise of the transducers, and beyond what clean recordings of
-        machines leave of which nothing is missing.
+        """Return whether the error of the model, fitted to clean recordings, is significant on
+        those to validate on: above the noise of the transducers, and above the error on clean
+        recordings of machines with a complete model.
         """
         seen, chain = self.validate, self.simulated.sensors
         joints, record = seen.record.joints, seen.record
@@ -234,9 +232,7 @@ class CaseTruth:
         return bool((self.gap(model) > np.maximum(limit, NOTHING_LEFT)).any())
 
     def closed(self, before: Model, after: Model) -> float:
-        """Share of the explainable gap, in energy relative to the force, that `after` closes; NaN
-        where nothing acts on forces.
-        """
+        """Share of the explainable model error that `after` closes, in energy; NaN if no force."""
         if not self.train.hidden.any():
             return float("nan")
         open_ = (self.gap(before) ** 2).sum()
@@ -281,7 +277,7 @@ class _Base:
         return float(np.linalg.norm(values / self._unit))
 
     def beside(self, rows: np.ndarray) -> np.ndarray:
-        """What is left of rows (N, ...) beside the columns."""
+        """Residual of rows (N, ...) after a fit of the columns."""
         return rows - self._basis @ (self._basis.T @ rows)
 
 
@@ -325,6 +321,5 @@ def _part(folder: Path, case: Case, part: str) -> tuple[list[HiddenInRecording],
 
 
 def _present(case: Case, label: HiddenInRecording) -> Sequence[int]:
-    """Which effects of the case a recording carries."""
     labelled = {(effect.name, effect.joint) for effect in label.effects}
     return [i for i, effect in enumerate(case.effects) if (effect.effect, effect.joint) in labelled]

@@ -85,9 +85,7 @@ def rows(
     trajectories: Sequence[FourierTrajectory],
     took: Sequence[Took],
 ) -> Iterator[MeasuredRow]:
-    """From the summary of the fit, the true values, the designs, and the time of all steps, which
-    is empty where something had been made before.
-    """
+    """Rows from fit, true values, designs, and time of all steps (empty if some existed)."""
     yield _campaign(trajectories)
     yield MeasuredRow(
         cells=[

@@ -37,9 +37,7 @@ FOLLOWING_STEPS = 3 + 2 * len(LAWS)
 
 
 class Aim(NamedTuple):
-    """What an error may be, of a made bag and of one recorded behind a bus; absolute in `unit`, or
-    relative.
-    """
+    """Largest error of a made bag, and of one recorded behind a bus; in `unit`, or relative."""
 
     names: tuple[str, ...]
     made: float
@@ -47,7 +45,6 @@ class Aim(NamedTuple):
     unit: str = ""
 
     def told(self, value: float) -> str:
-        """For a table."""
         return f"{value:.2g} {self.unit}" if self.unit else f"{100.0 * value:.2g} %"
 
 
@@ -98,11 +95,10 @@ class Followed(NamedTuple):
 
     @property
     def joints(self) -> list[str]:
-        """Of the model."""
         return list(self.summary["heldout_relative_error"])
 
     def farthest_off(self, aim: Aim) -> Miss:
-        """Of the hydraulics that the aim names."""
+        """Largest error of the hydraulics that the aim names."""
         rows = self.summary["hydraulics"]
         found = {row["name"]: (row["value"], row["std_dev"]) for row in rows}
         known = {name: found[name] for name in found.keys() & self.true_values.keys()}
@@ -145,7 +141,7 @@ class _Led(NamedTuple):
 
     @property
     def rms(self) -> dict[str, float]:
-        """Of the true error over whole periods, by joint [rad, m]."""
+        """RMS of the true error over whole periods, by joint [rad, m]."""
         time = self.recording.time - REST_S
         inside = (time >= self.motion.excitation_start) & (time < self.motion.excitation_end)
         truth, wanted = self.recording.truth.position, self.recording.reference.position

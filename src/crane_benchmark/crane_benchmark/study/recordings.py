@@ -26,9 +26,7 @@ class StudyError(Exception):
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """Trajectories of `period` s with `harmonics`, each the best of `starts` searches, recorded
-    for so many `periods`.
-    """
+    """Trajectories of `period` s with `harmonics`, best of `starts`, recorded for `periods`."""
 
     period: float
     harmonics: int
@@ -47,7 +45,6 @@ class Campaign:
 
     @property
     def designs(self) -> Path:
-        """Folder of the trajectories."""
         return self.folder / "trajectories" / self.name
 
     @property
@@ -114,7 +111,7 @@ def _bag(trajectory: Path, bag: Path, periods: int, seed: int) -> None:
 
 @contextmanager
 def made_once(folder: Path) -> Iterator[Path | None]:
-    """Where to write what becomes `folder` once it is complete; None if it is there already."""
+    """Folder to write `folder` into until it is complete; None if it is there already."""
     if folder.exists():
         yield None
         return

@@ -94,7 +94,7 @@ def hydraulics_table(followed: Followed) -> Table:
 
 
 def controllers_table(followed: Followed) -> Table:
-    """What each controller leaves on each trajectory."""
+    """Table of each controller's errors on each trajectory."""
     joints = followed.joints
     table = plain_table("True rms error behind the same bus (mrad, mm), by what that bag told")
     for heading in ("trajectory", "controller"):

@@ -1,7 +1,6 @@
 """Serial chains of rigid bodies in space, compiled: kinematics and dynamics of any machine.
 
-Here are the constants of a chain, which `Machine` needs; all that is compiled is imported from its
-module when it is first asked for.
+Here are the constants of a chain, which `Machine` needs; the modules hold the compiled functions.
 """
 
 from typing import NamedTuple
@@ -10,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crane_model.array import Array, Flags
-from crane_model.lazily import lazily
 
 
 class SerialChain(NamedTuple):
@@ -30,30 +28,3 @@ class SerialChain(NamedTuple):
     gravity: Array  # (3,) in the base's frame, m/s2
     tip_rotation: Array  # (3, 3) in the frame of the last body
     tip_translation: Array  # (3,) m
-
-
-__getattr__, __dir__, _lazy = lazily(
-    __name__,
-    {
-        "body_regressor": [
-            "PER_BODY",
-            "TEN_FROM_PSEUDO_INERTIA",
-            "fill_regressor",
-            "pseudo_inertia",
-            "regressor",
-            "ten_about_centre",
-        ],
-        "slopes": ["pull_back"],
-        "dynamics": [
-            "body_frames",
-            "coriolis_forces",
-            "forward_dynamics",
-            "gravity_forces",
-            "inverse_dynamics",
-            "mass_matrices",
-            "tip_jacobians",
-            "tip_positions",
-        ],
-    },
-)
-__all__ = ["SerialChain", *_lazy]

@@ -51,7 +51,7 @@ _C10, _C12, _C14 = (
 
 @njit(cache=True)
 def near(chain: SerialChain, q: Array) -> bool:
-    """Whether no joint turns as far as FAR_ANGLE_RAD; not where an angle is no number."""
+    """Return whether no joint turns as far as FAR_ANGLE_RAD; false if an angle is not a number."""
     for i in range(len(chain.ratio)):
         for n in range(len(q)):
             if not abs(chain.ratio[i] * q[n, chain.leader[i]]) < FAR_ANGLE_RAD:
@@ -118,8 +118,8 @@ def _turns(chain: SerialChain) -> Array:
 
 @njit(cache=True)
 def _places(parameters: NDArray[np.int64], m: int) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-    """Where each of some parameters, rising, stands in the workspace when its body is at hand;
-    those of body i are from number i of the second on.
+    """Place of each of some parameters, rising, in the workspace when its body is at hand; those of
+    body i are from number i of the second on.
     """
     places, begins = np.empty(len(parameters), np.uint64), np.zeros(m + 1, np.uint64)
     for c in range(len(parameters)):
@@ -224,7 +224,7 @@ def _carry_twist(s: Array) -> None:
 
 @njit(cache=True, fastmath={"contract"})
 def _set_power(s: Array) -> None:
-    """What the ten parameters of the body ask of the joint with the unit twist.
+    """Coefficients of the ten parameters of the body in the force of the joint with the unit twist.
 
     The force is m a + al x h + w x (w x h), the moment h x a + I al + w x I w (Newton, Euler).
     """
@@ -275,9 +275,7 @@ def _fill_lanes(
     a: Array,
     out: Array,
 ) -> None:
-    """As `crane_model.chain.fill_regressor`. Whole numbers without a sign are no indices from the
-    end, for which the compiler would have to look.
-    """
+    """Compiled `fill_regressor`. Unsigned numbers are no indices from the end, which is faster."""
     m = len(chain.ratio)
     all_near, turns, (places, begins) = near(chain, q), _turns(chain), _places(parameters, m)
     s, twists = np.empty(_ROWS * LANES), np.empty((m, 6 * LANES))

@@ -108,9 +108,7 @@ def _come_back(
     a: Array,
     out: Array,
 ) -> None:
-    """From the last body to the first: slopes with respect to its motion and to the twists at it,
-    which then become those at the body before.
-    """
+    """From the last body to the first: slopes by motion and twists, carried to the body before."""
     m = len(chain.ratio)
     by_along, by_about = np.zeros((m, 3)), np.zeros((m, 3))
     by_spin, by_turning, by_rise = ZERO, ZERO, ZERO

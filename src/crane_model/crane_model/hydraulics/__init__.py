@@ -41,7 +41,6 @@ class _Values(Schema):
 
     @property
     def by_name(self) -> dict[str, Measured]:
-        """Each value."""
         return {name: getattr(self, name) for name in self.units}
 
 
@@ -49,7 +48,7 @@ _RANGES = {"dead_band_a": (0.0, 0.9), "dead_band_b": (0.0, 0.9), "hysteresis": (
 
 
 class ValveValues(_Values):
-    """Of the valve: see `spool` for what each is.
+    """Values of the valve: see `spool` for each.
 
     `lag` is `delay` + `spool_lag`, by which the spool follows a slow command late: it is known far
     better than either. `spool_lag` is 2 D/w, as far as the lag allows. Gains are those of the
@@ -82,9 +81,7 @@ class ValveValues(_Values):
 
     @property
     def spool_lag(self) -> float:
-        """By which the spool follows late what it is told [s]: no longer than the whole valve,
-        since no spool moves before it is told.
-        """
+        """Delay of the spool behind its command [s]: no longer than the whole valve's."""
         slow = 2.0 * self.damping_ratio.value / self.natural_frequency.value
         return min(slow, max(self.lag.value, MIN_SPOOL_LAG_S))
 
@@ -100,7 +97,7 @@ class ValveValues(_Values):
 
 
 class ChamberValues(_Values):
-    """Of oil and cylinder: see `chambers` for what each is."""
+    """Values of oil and cylinder: see `chambers` for each."""
 
     units: ClassVar[dict[str, str]] = {
         "bulk_modulus": "Pa",
@@ -116,7 +113,7 @@ class ChamberValues(_Values):
 
 
 class SupplyValues(_Values):
-    """Of the supply that all valves share: p_S = pressure - droop times the flow drawn from it."""
+    """Values of the supply of all valves: p_S = pressure - droop times the flow drawn from it."""
 
     units: ClassVar[dict[str, str]] = {"pressure": "Pa", "droop": "Pa s/m3"}
 

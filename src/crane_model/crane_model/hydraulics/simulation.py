@@ -134,9 +134,7 @@ def settle(
 
 
 def circuit_of(model: Model) -> Circuit:
-    """The constants of the circuit; `ConfigurationError` names what is not identified of it, or
-    says that the pump follows the load.
-    """
+    """Constants of the circuit; `ConfigurationError` if one is missing, or for load sensing."""
     machine, known = identified(model)
     if machine.hydraulics.load_sensing is not None:
         raise ConfigurationError(
@@ -193,7 +191,7 @@ def _parts(model: Model, known: HydraulicValues, joint: str) -> tuple[ValveValue
 
 @dataclass(frozen=True)
 class ModelMechanics:
-    """What the terms of the model say of the mechanics at an instant."""
+    """Mechanics of the model's terms at an instant."""
 
     model: Model
     beside: Mapping[str, Array]
@@ -202,7 +200,6 @@ class ModelMechanics:
     held: Array | None = None  # (N, j): joints that a stop holds
 
     def memory(self, start: CraneState) -> dict[Term, Array]:
-        """The states in which terms that have some begin."""
         runs = len(start.position)
         still = CraneCourse(
             start.position[np.newaxis],
@@ -271,7 +268,7 @@ class ModelMechanics:
         )
 
     def _inverse(self, mass: Array) -> Array:
-        """Of mass matrices (n, j, j); `RangeError` if one is not positive definite."""
+        """Inverses of mass matrices (n, j, j); `RangeError` if one is not positive definite."""
         if np.isfinite(mass).all() and (np.linalg.eigvalsh(mass) > 0.0).all():
             return np.linalg.inv(mass).astype(float)
         raise RangeError(
@@ -329,7 +326,7 @@ REMEMBERED_S = 1.0  # of commands: none may be later
 
 
 class CranePressures(NamedTuple):
-    """Of N runs of j joints [Pa]."""
+    """Pressures of N runs of j joints [Pa]."""
 
     chamber_a: Array  # (N, j)
     chamber_b: Array  # (N, j)
@@ -377,7 +374,6 @@ class IdentifiedSimulation:
 
     @property
     def pressures(self) -> CranePressures:
-        """Of the chambers and the supply now."""
         state = self._state
         return CranePressures(
             state.chamber_a[0].copy(), state.chamber_b[0].copy(), state.supply[0].copy()

@@ -1,6 +1,6 @@
-"""What the actuators of a machine do, what is inconsistent in its file, and where its pins are.
+"""Travels of a machine's actuators, inconsistencies in its file, and positions of its pins.
 
-The command `machine` and the pictures of machines are made of this.
+The command `machine` and the pictures of machines use this.
 """
 
 import math
@@ -29,7 +29,7 @@ class Travel(NamedTuple):
 
 
 def travels(machine: Machine) -> Iterator[Travel]:
-    """Of all joints."""
+    """Travels of all joints."""
     for joint in machine.joint_names:
         limits, actuator = machine.limits[joint], machine.actuators[joint]
         grid = np.linspace(limits.position_min, limits.position_max, GRID_POINTS)
@@ -195,7 +195,7 @@ def _litres(flow: float) -> str:
     return f"{flow * 6e4:.3g}"
 
 
-# Where joints and actuators of a machine stand in space, for pictures.
+# Positions of joints and actuators of a machine, for pictures.
 
 
 class PlacedBar(NamedTuple):
@@ -216,7 +216,7 @@ def placed_joints(machine: Machine, q: Array) -> Array:
 
 
 def placed_bars(machine: Machine, q: Array) -> list[PlacedBar]:
-    """What the actuators consist of at q (j,), from the base to the tip."""
+    """Parts of the actuators at q (j,), from the base to the tip."""
     return [
         PlacedBar(
             joint.name,

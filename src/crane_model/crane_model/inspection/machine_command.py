@@ -20,12 +20,7 @@ from crane_model.inspection import (
 )
 from crane_model.kinematics import link_transforms, tip_position
 from crane_model.machine import Machine, load_machine
-from crane_model.urdf_reading import (
-    LinkBody,
-    bodies_from_urdf,
-    machine_file_from_urdf,
-    prior_file,
-)
+from crane_model.urdf_reading import LinkBody, bodies_from_urdf, machine_file_from_urdf, prior_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,8 +104,6 @@ def _levers(axes: "Axes", machine: Machine) -> None:
 
 @dataclass(frozen=True)
 class _Request:
-    """The command line."""
-
     check: str | None  # machine
     urdf: Path | None
     tip: str | None  # link
@@ -187,7 +180,7 @@ def _moments(principal: Array) -> str:
 
 
 def told(machine: Machine) -> str:
-    """What the machine can do, and what is inconsistent in its file."""
+    """Abilities of the machine, and inconsistencies in its file."""
     places = reached(machine)
     up = -machine.gravity_vector / machine.gravity
     height = places @ up

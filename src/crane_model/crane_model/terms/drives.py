@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from crane_model.machine import Machine
 from crane_model.motion_columns import MotionColumn, MotionQuantity
 from crane_model.record import Record
 from crane_model.terms.joint_term import MotionTerm, OneJointTerm, lever_and_slope
-from crane_model.terms.term import Effect, Family, Parameter, Setting
+from crane_model.terms.term import Effect, Parameter, Setting
 
 
 class RotorInertia(MotionTerm):
@@ -23,8 +23,8 @@ class RotorInertia(MotionTerm):
     """
 
     type: Literal["rotor_inertia"] = "rotor_inertia"
-    family: ClassVar[Family] = "rigid body"
-    effect: ClassVar[Effect] = Effect(
+    family = "rigid body"
+    effect = Effect(
         "inertia of a rotor",
         "force with the acceleration of its own joint only",
         (),
@@ -76,8 +76,8 @@ class ActuatorInertia(OneJointTerm):
     """
 
     type: Literal["actuator_inertia"] = "actuator_inertia"
-    family: ClassVar[Family] = "rigid body"
-    effect: ClassVar[Effect] = Effect(
+    family = "rigid body"
+    effect = Effect(
         "inertia of the actuator",
         "force with the acceleration of its own joint only",
         ("time_skew", "boom_flexibility"),
@@ -111,7 +111,7 @@ class MotorViscous(MotionTerm):
     """
 
     type: Literal["motor_viscous"] = "motor_viscous"
-    family: ClassVar[Family] = "friction"
+    family = "friction"
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         seen_by_motor(self.type, self.joint, setting)
@@ -131,8 +131,8 @@ class MotorCoulomb(OneJointTerm):
     """f c_i sgn(c q'): dry friction of a motor that turns by c q, as of `motor_viscous`."""
 
     type: Literal["motor_coulomb"] = "motor_coulomb"
-    family: ClassVar[Family] = "friction"
-    of_one_instant: ClassVar[bool] = True
+    family = "friction"
+    of_one_instant = True
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         seen_by_motor(self.type, self.joint, setting)
@@ -157,9 +157,7 @@ class MotorCoulomb(OneJointTerm):
 
 
 def seen_by_motor(term: str, joint: str, setting: Setting) -> Mapping[str, float]:
-    """The joints that turn the motor of `joint` and their shares; `ConfigurationError` if that is
-    in no coupling, or the model lacks one of them.
-    """
+    """Joints that turn the motor of `joint`, and their shares; `ConfigurationError` if none."""
     machine = setting.machine
     coupled = (
         [] if machine is None else [name for part in machine.couplings for name in part.joints]

@@ -1,7 +1,7 @@
 """Elastic effects: hoses and booms that spring back, a boom that bends, a load that swings."""
 
 import math
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -12,7 +12,7 @@ from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.gravity_and_load import AxisReach, planar_columns, planar_machine, plane_of
 from crane_model.terms.joint_term import JointTerm, MemoryTerm, OneJointTerm
-from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape
+from crane_model.terms.term import Effect, Parameter, Setting, Shape
 
 # A damped oscillator carried along by a motion: what swings on a boom, or in it.
 #
@@ -87,7 +87,7 @@ Gradient = tuple[float, float, float]  # d/dq of inner boom, outer boom and tele
 
 
 class Bend(NamedTuple):
-    """What bends, for compiled code: the tip's geometry (2), then spring and damper of 1 kg."""
+    """Flexible part, for compiled code: the tip's geometry (2), then spring and damper of 1 kg."""
 
     theta_2_0: float
     inner_boom_length: float
@@ -176,9 +176,7 @@ def _bent(
     bend: Bend, q: Array, v: Array, push: Array, step: float,
     e: float, rate: float, force: Array,
 ) -> tuple[float, float]:  # fmt: skip
-    """e and e' after a step [s] of constant acceleration `push` (3,); q, v half-way through it,
-    which are bent as well.
-    """
+    """e and e' after a step [s] of constant `push` (3,); q, v half-way, bent as well."""
     outward, upward = _forces(bend, q, v, push, e + 0.5 * step * rate, rate, force)
     inertia = outward[bend.joint] ** 2 + upward[bend.joint] ** 2
     omega = math.sqrt(bend.stiffness / inertia)
@@ -235,7 +233,7 @@ def bending_forces(bend: Bend, states: Array, q: Array, v: Array, a: Array) -> A
     return out
 
 
-# What gives way and springs back: hoses at a joint, and the boom that it moves.
+# Elastic parts: hoses at a joint, and the boom that it moves.
 
 
 class HoseStiffness(JointTerm):
@@ -245,17 +243,15 @@ class HoseStiffness(JointTerm):
     """
 
     type: Literal["hose_stiffness"] = "hose_stiffness"
-    family: ClassVar[Family] = "elasticity"
-    effect: ClassVar[Effect] = Effect(
+    family = "elasticity"
+    effect = Effect(
         "hose stiffness",
         "force in proportion to the position, whatever load and speed",
         ("pressure_offset", "encoder_offset"),
         "poses at rest over the whole range, with hoses connected and disconnected",
         follows=("position",),
     )
-    symbol: ClassVar[Parameter] = Parameter(
-        "k_hose", "{force}/{coordinate}", 0.0, "stiffness of hoses and cables"
-    )
+    symbol = Parameter("k_hose", "{force}/{coordinate}", 0.0, "stiffness of hoses and cables")
 
     def column(self, record: Record, j: int) -> Array:
         return record.position[:, j]
@@ -272,15 +268,15 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
     """
 
     type: Literal["boom_flexibility"] = "boom_flexibility"
-    family: ClassVar[Family] = "elasticity"
-    effect: ClassVar[Effect] = Effect(
+    family = "elasticity"
+    effect = Effect(
         "boom flexibility",
         "sagging under the load and ringing after jerks, on every joint that the bend moves",
         ("time_skew", "swinging_load", "actuator_inertia"),
         "a fast stop at several extensions and payloads, recorded until the ringing has died out",
         follows=("acceleration",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
+    shapes = {
         "frequency": Shape(0.7, 12.0, "Hz", 16, "natural frequency"),
         "damping": Shape(0.03, 0.3, "1", 2, "share of critical damping"),
     }
@@ -307,10 +303,7 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         at = planar_columns(setting, before)
         q, v = (
             (begin[:, at] + end[:, at]) / 2.0
-            for begin, end in (
-                (before.position, after.position),
-                (before.velocity, after.velocity),
-            )
+            for begin, end in ((before.position, after.position), (before.velocity, after.velocity))
         )
         return bent(bend, states, q, v, push[:, at], step)
 
@@ -355,15 +348,15 @@ class SwingingLoad(MemoryTerm):
     """
 
     type: Literal["swinging_load"] = "swinging_load"
-    family: ClassVar[Family] = "gravity and load"
-    effect: ClassVar[Effect] = Effect(
+    family = "gravity and load"
+    effect = Effect(
         "swinging load",
         "a narrow band near sqrt(g/l)/2 pi on all joints that goes on when the crane stands",
         ("boom_flexibility",),
         "a recording at rest after a fast stop, with the load and without it",
         follows=("acceleration",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
+    shapes = {
         "frequency": Shape(0.25, 1.2, "Hz", 14, "sqrt(g/l)/2 pi of the pendulum"),
         "damping": Shape(0.01, 0.1, "1", 2, "share of critical damping"),
     }

@@ -1,10 +1,10 @@
-"""What scales the whole force of a joint: gains of its transducers, and the size of its linkage.
+"""Scales of the whole force of a joint: gains of its transducers, and the size of its linkage.
 
-Beside a model with free masses such a column is nearly the measured force, and that explains itself
-with a factor of one. So it is taken from the force that the bodies ask for, where a model has them:
-free of noise, and all that shows of a scale, since friction of the same joint takes up its own
-share. Scales of all joints alike are a scale of all masses, which only a known weight tells; those
-of single joints show where joints share the masses.
+In a model with free masses such a column is nearly the measured force, which explains itself with a
+factor of one. So it is taken from the force that the bodies ask for, if a model has them: free of
+noise, and all that shows of a scale, since friction of the same joint takes up its own share.
+Scales of all joints alike are a scale of all masses, which only a known weight shows; those of
+single joints show if joints share the masses.
 """
 
 from typing import ClassVar, Literal
@@ -17,7 +17,7 @@ from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.joint_term import OneJointTerm, cylinder_machine
 from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
-from crane_model.terms.term import Effect, Family, Parameter, Setting
+from crane_model.terms.term import Effect, Parameter, Setting
 
 USUAL_SCALE_ERROR = 0.005  # that a survey of pins and transducers of class 0.5 % leave
 MAX_SCALE_ERROR = 0.7  # a transducer taken for one of the next range, as 250 for 400 bar, makes 0.6
@@ -26,9 +26,7 @@ MAX_SCALE_ERROR = 0.7  # a transducer taken for one of the next range, as 250 fo
 class OfBodies(OneJointTerm):
     """A term on one joint that follows the forces (7) of the `bodies`, by their base parameters."""
 
-    of_model: ClassVar[dict[str, tuple[str, ...]]] = {
-        "bodies": tuple(parameter.name for parameter in BASE_PARAMETERS)
-    }
+    of_model = {"bodies": tuple(parameter.name for parameter in BASE_PARAMETERS)}
 
     bodies: tuple[float, ...] = Field(
         default=(0.0,) * len(BASE_PARAMETERS),
@@ -68,8 +66,8 @@ class PressureGain(ForceScale):
     """
 
     type: Literal["pressure_gain"] = "pressure_gain"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "gain of the pressure transducers",
         "scales the whole force of a joint; if it is the same for all joints, it scales all masses",
         ("payload", "chamber_gain", "chamber_a_gain", "linkage_scale"),
@@ -97,8 +95,8 @@ class LinkageScale(ForceScale):
     """
 
     type: Literal["linkage_scale"] = "linkage_scale"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "linkage of another size than in its file",
         "scales the whole force of a joint, whatever it comes from",
         ("pressure_gain", "chamber_gain", "chamber_a_gain"),

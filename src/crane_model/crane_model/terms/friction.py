@@ -1,7 +1,7 @@
 """Friction (10)-(16): Coulomb and viscous, each with its asymmetry between the two directions."""
 
 from dataclasses import replace
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -21,60 +21,56 @@ from crane_model.terms.joint_term import (
     gain_unit,
 )
 from crane_model.terms.rigid_body import BASE_PARAMETERS
-from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape
+from crane_model.terms.term import Effect, Parameter, Setting, Shape
 
 
 class Coulomb(ProportionalTerm):
     """f_c sgn(q'): first term of (13)."""
 
     type: Literal["coulomb"] = "coulomb"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "Coulomb friction",
         "a step between the two directions of motion, the same at all speeds",
         ("stribeck", "presliding", "load_friction", "weight_friction", "chamber_gain"),
         "slow sweeps at constant speed both ways",
         follows=("velocity",),
     )
-    quantity: ClassVar[MotionQuantity] = MotionQuantity.DIRECTION
-    symbol: ClassVar[Parameter] = Parameter(
-        "f_c", "{force}", 0.0, "Coulomb friction, mean of both directions"
-    )
+    quantity = MotionQuantity.DIRECTION
+    symbol = Parameter("f_c", "{force}", 0.0, "Coulomb friction, mean of both directions")
 
 
 class CoulombAsymmetry(ProportionalTerm):
     """delta f_c: second term of (13), half the difference of Coulomb friction up and down."""
 
     type: Literal["coulomb_asymmetry"] = "coulomb_asymmetry"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "asymmetry of Coulomb friction",
         "a constant force, whatever the motion",
         ("offset", "pressure_offset", "viscous_asymmetry", "chamber_gain"),
         "readings of the pressure transducers at zero pressure",
         ("viscous_asymmetry",),
     )
-    asymmetry_of: ClassVar[str | None] = "coulomb"
-    quantity: ClassVar[MotionQuantity] = MotionQuantity.ONE
-    symbol: ClassVar[Parameter] = Parameter(
-        "df_c", "{force}", None, "asymmetry of Coulomb friction"
-    )
+    asymmetry_of = "coulomb"
+    quantity = MotionQuantity.ONE
+    symbol = Parameter("df_c", "{force}", None, "asymmetry of Coulomb friction")
 
 
 class Viscous(ProportionalTerm):
     """f_v q': third term of (13)."""
 
     type: Literal["viscous"] = "viscous"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "viscous friction",
         "grows in proportion to the speed",
         ("viscous_quadratic", "time_skew", "temperature_viscosity", "warm_up"),
         "sweeps at several constant speeds both ways",
         follows=("velocity",),
     )
-    quantity: ClassVar[MotionQuantity] = MotionQuantity.VELOCITY
-    symbol: ClassVar[Parameter] = Parameter(
+    quantity = MotionQuantity.VELOCITY
+    symbol = Parameter(
         "f_v", "{force} s/{coordinate}", 0.0, "viscous friction, mean of both directions"
     )
 
@@ -83,8 +79,8 @@ class ViscousAsymmetry(ProportionalTerm):
     """delta f_v |q'|: fourth term of (13)."""
 
     type: Literal["viscous_asymmetry"] = "viscous_asymmetry"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "asymmetry of viscous friction",
         "grows with the speed, with the same sign in both directions",
         ("coulomb_asymmetry", "temperature_viscosity", "warm_up"),
@@ -92,11 +88,9 @@ class ViscousAsymmetry(ProportionalTerm):
         ("coulomb_asymmetry",),
         follows=("velocity",),
     )
-    asymmetry_of: ClassVar[str | None] = "viscous"
-    quantity: ClassVar[MotionQuantity] = MotionQuantity.SPEED
-    symbol: ClassVar[Parameter] = Parameter(
-        "df_v", "{force} s/{coordinate}", None, "asymmetry of viscous friction"
-    )
+    asymmetry_of = "viscous"
+    quantity = MotionQuantity.SPEED
+    symbol = Parameter("df_v", "{force} s/{coordinate}", None, "asymmetry of viscous friction")
 
 
 # Friction that depends on where the joint stands.
@@ -106,8 +100,8 @@ class PositionFriction(JointTerm):
     """f_p q sgn(q'): Coulomb friction that changes along the way; its mean is that of (10)."""
 
     type: Literal["position_friction"] = "position_friction"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "position-dependent Coulomb friction",
         "friction in both directions follows the position",
         (
@@ -117,9 +111,7 @@ class PositionFriction(JointTerm):
         "slow sweeps both ways over the whole range, with and without a known weight",
         follows=("position",),
     )
-    symbol: ClassVar[Parameter] = Parameter(
-        "f_p", "{force}/{coordinate}", None, "change of Coulomb friction with q"
-    )
+    symbol = Parameter("f_p", "{force}/{coordinate}", None, "change of Coulomb friction with q")
 
     def column(self, record: Record, j: int) -> Array:
         return record.position[:, j] * record.direction[:, j]
@@ -129,8 +121,8 @@ class CyclicFriction(OneJointTerm):
     """(f_1 sin(wave q) + f_2 cos(wave q)) sgn(q'): Coulomb friction in waves along the way."""
 
     type: Literal["cyclic_friction"] = "cyclic_friction"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "Coulomb friction in waves",
         "friction in both directions waxes and wanes with the position",
         ("position_friction",),
@@ -138,7 +130,7 @@ class CyclicFriction(OneJointTerm):
         law_of="position_friction",
         follows=("position",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
+    shapes = {
         "wave": Shape(
             3.0, 40.0, "rad/rad or rad/m", 16, "phase per rad or m of the joint", even=True
         )
@@ -171,21 +163,19 @@ class Stribeck(JointTerm):
     """
 
     type: Literal["stribeck"] = "stribeck"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "Stribeck friction",
         "more friction near zero speed than above, in both directions",
         ("coulomb", "stiction", "presliding", "maxwell_slip", "viscous_quadratic"),
         "sweeps at several low constant speeds both ways",
         follows=("velocity",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
+    shapes = {
         "speed": Shape(3e-3, 0.12, "rad/s or m/s", 8, "speed at which the excess has died out"),
         "exponent": Shape(1.0, 2.0, "1", 2, "how abruptly it dies out"),
     }
-    symbol: ClassVar[Parameter] = Parameter(
-        "f_s", "{force}", 0.0, "friction at zero speed beyond Coulomb friction"
-    )
+    symbol = Parameter("f_s", "{force}", 0.0, "friction at zero speed beyond Coulomb friction")
 
     speed: float = Field(gt=0)
     exponent: float = Field(gt=0)
@@ -199,17 +189,15 @@ class QuadraticViscous(JointTerm):
     """f_q q'|q'|: turbulent loss, above all that of oil in lines and ports."""
 
     type: Literal["viscous_quadratic"] = "viscous_quadratic"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "quadratic viscous loss",
         "grows faster than the speed",
         ("stribeck", "viscous"),
         "sweeps at several constant speeds both ways, up to the fastest",
         follows=("velocity",),
     )
-    symbol: ClassVar[Parameter] = Parameter(
-        "f_q", "{force} s2/{coordinate}2", 0.0, "loss with the speed squared"
-    )
+    symbol = Parameter("f_q", "{force} s2/{coordinate}2", 0.0, "loss with the speed squared")
 
     def column(self, record: Record, j: int) -> Array:
         v = record.velocity[:, j]
@@ -225,15 +213,15 @@ class TemperatureViscosity(JointTerm):
     """-f_T (T - 40 deg C) q': viscous friction that falls with the measured oil temperature T."""
 
     type: Literal["temperature_viscosity"] = "temperature_viscosity"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "temperature-dependent viscosity",
         "viscous friction falls as the oil temperature rises",
         ("viscous", "viscous_asymmetry", "warm_up"),
         "the same motion with cold and with warm oil",
         follows=("temperature", "velocity"),
     )
-    symbol: ClassVar[Parameter] = Parameter(
+    symbol = Parameter(
         "f_T", "{force} s/({coordinate} degC)", 0.0, "viscous friction lost with each degree"
     )
 
@@ -249,8 +237,8 @@ class WarmUp(JointTerm):
     """
 
     type: Literal["warm_up"] = "warm_up"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "viscosity of oil that warms up",
         "viscous friction falls with the time since the start, whatever the motion",
         ("viscous", "viscous_asymmetry", "temperature_viscosity"),
@@ -258,12 +246,8 @@ class WarmUp(JointTerm):
         law_of="temperature_viscosity",
         follows=("time", "velocity"),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
-        "warming": Shape(20.0, 7200.0, "s", 7, "time constant with which the oil warms up")
-    }
-    symbol: ClassVar[Parameter] = Parameter(
-        "f_w", "{force} s/{coordinate}", 0.0, "viscous friction lost on warming"
-    )
+    shapes = {"warming": Shape(20.0, 7200.0, "s", 7, "time constant with which the oil warms up")}
+    symbol = Parameter("f_w", "{force} s/{coordinate}", 0.0, "viscous friction lost on warming")
 
     warming: float = Field(gt=0)
     since: float = 0.0
@@ -282,8 +266,8 @@ class LoadFriction(JointTerm):
     """
 
     type: Literal["load_friction"] = "load_friction"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "load-dependent joint friction",
         "friction grows with the load, in both directions",
         ("coulomb", "seal_friction", "pad_friction", "position_friction"),
@@ -291,7 +275,7 @@ class LoadFriction(JointTerm):
         kin=("weight_friction",),
         follows=("force",),
     )
-    symbol: ClassVar[Parameter] = Parameter("mu_load", "1", 0.0, "friction per load")
+    symbol = Parameter("mu_load", "1", 0.0, "friction per load")
 
     def column(self, record: Record, j: int) -> Array:
         return record.direction[:, j] * np.abs(self.needed(record, "force")[:, j])
@@ -305,8 +289,8 @@ class WeightFriction(OfBodies):
     """
 
     type: Literal["weight_friction"] = "weight_friction"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "joint friction by the weight",
         "friction grows with the weight on the joint, in both directions and at any acceleration",
         ("coulomb", "seal_friction", "pad_friction", "position_friction"),
@@ -340,8 +324,8 @@ class SealFriction(OneJointTerm):
     """
 
     type: Literal["seal_friction"] = "seal_friction"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "pressure-dependent seal friction",
         "friction follows the sum of the chamber pressures, not their difference",
         ("load_friction", "weight_friction", "chamber_gain", "position_friction"),
@@ -369,8 +353,8 @@ class PadFriction(OneJointTerm):
     """
 
     type: Literal["pad_friction"] = "pad_friction"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "telescope pad friction",
         "friction of the telescope falls with its inclination and grows with its extension",
         ("load_friction", "weight_friction", "position_friction"),

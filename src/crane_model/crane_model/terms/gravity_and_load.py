@@ -1,7 +1,7 @@
-"""What pulls on the whole crane: tilt of its base, payload, hoses, and slewing."""
+"""Forces on the whole crane: tilt of its base, payload, hoses, and slewing."""
 
 from collections.abc import Iterable
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -11,9 +11,9 @@ from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.record import Record
-from crane_model.terms.term import Effect, Family, Load, Parameter, Setting, Shape, Term
+from crane_model.terms.term import Effect, Load, Parameter, Setting, Shape, Term
 
-# What terms of the whole planar crane share: the check of the setting, and the tip's motion.
+# Common parts of terms of the whole planar crane: the check of the setting, and the tip's motion.
 
 
 def planar_machine(term: Term, setting: Setting) -> Machine:
@@ -39,7 +39,7 @@ def plane_of(setting: Setting) -> tuple[str, ...]:
 
 
 def planar_columns(setting: Setting, record: Record) -> list[int]:
-    """Where inner boom, outer boom and telescope stand among the joints of the record."""
+    """Columns of inner boom, outer boom and telescope among the joints of the record."""
     return [record.column(joint) for joint in plane_of(setting)]
 
 
@@ -56,7 +56,6 @@ class BoomDirections(NamedTuple):
 
     @classmethod
     def of(cls, machine: Machine, record: Record) -> "BoomDirections":
-        """At each sample."""
         crane = machine.as_planar()
         q2, q3, q4 = (record.position[:, record.column(joint)] for joint in crane.joints)
         return cls(q2 + crane.theta_2_0, q2 + q3, q4)
@@ -74,7 +73,7 @@ class AxisReach(NamedTuple):
 
     @classmethod
     def of(cls, machine: Machine, length: float, record: Record) -> "AxisReach":
-        """Of the point that lies `length` [m] from the elbow along the axis at q4 = 0."""
+        """Motion of the point that lies `length` [m] from the elbow along the axis at q4 = 0."""
         dh = machine.as_planar()
         phi, psi, extension = BoomDirections.of(machine, record)
         cos_psi, sin_psi = np.cos(psi), np.sin(psi)
@@ -100,8 +99,8 @@ class BaseTilt(Term):
     """
 
     type: Literal["base_tilt"] = "base_tilt"
-    family: ClassVar[Family] = "gravity and load"
-    effect: ClassVar[Effect] = Effect(
+    family = "gravity and load"
+    effect = Effect(
         "base tilt",
         "gravity from a turned direction on all joints, above all along the telescope",
         ("encoder_offset",),
@@ -136,15 +135,15 @@ class Payload(Term):
     """
 
     type: Literal["payload"] = "payload"
-    family: ClassVar[Family] = "gravity and load"
-    effect: ClassVar[Effect] = Effect(
+    family = "gravity and load"
+    effect = Effect(
         "payload change",
         "a fixed pattern over the joints that steps from one run to another",
         ("pressure_gain", "hose_mass"),
         "the same motion with an empty gripper and with a known weight",
         follows=("recording",),
     )
-    carries_loads: ClassVar[bool] = True
+    carries_loads = True
 
     loads: tuple[Load, ...] | None = None
 
@@ -202,8 +201,8 @@ class HoseMass(Term):
     """
 
     type: Literal["hose_mass"] = "hose_mass"
-    family: ClassVar[Family] = "gravity and load"
-    effect: ClassVar[Effect] = Effect(
+    family = "gravity and load"
+    effect = Effect(
         "hose mass",
         "weight on booms and telescope that grows with the square of the extension",
         ("payload",),
@@ -232,17 +231,15 @@ class SlewCoupling(Term):
     """
 
     type: Literal["slew_coupling"] = "slew_coupling"
-    family: ClassVar[Family] = "gravity and load"
-    effect: ClassVar[Effect] = Effect(
+    family = "gravity and load"
+    effect = Effect(
         "slew coupling",
         "force with the square of the slew velocity, only while slewing",
         (),
         "the same motion with and without slewing",
         follows=("slew velocity",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
-        "reach": Shape(0.4, 1.8, "m", 4, "elbow to centre of the mass of the outer boom")
-    }
+    shapes = {"reach": Shape(0.4, 1.8, "m", 4, "elbow to centre of the mass of the outer boom")}
 
     reach: float = Field(gt=0)
 

@@ -15,7 +15,7 @@ from crane_model.array import Array, Flags
 from crane_model.record import Record
 from crane_model.terms.friction import on_pads, pressing
 from crane_model.terms.joint_term import MemoryTerm, OneJointTerm
-from crane_model.terms.term import Family, NonparametricCurve, Parameter, Setting, Variable
+from crane_model.terms.term import NonparametricCurve, Parameter, Setting, Variable
 
 NONPARAMETRIC_TERMS: dict[str, type["NonparametricTerm"]] = {}
 """The term that gives the curve of a type of term."""
@@ -26,7 +26,7 @@ FACTORS: dict[str, Callable[[Record, int], Array]] = {
     "q'|q'|": lambda record, j: record.velocity[:, j] * np.abs(record.velocity[:, j]),
     "sgn(q')": lambda record, j: record.direction[:, j],
 }
-"""What a curve may be multiplied by: (n,) of joint number j."""
+"""Factors of a curve: (n,) of joint number j."""
 
 
 class NonparametricTerm(OneJointTerm):
@@ -107,9 +107,7 @@ class NonparametricTerm(OneJointTerm):
 
     @classmethod
     def family_of(cls, law: str, knots: Array) -> Array:
-        """Values (parameters, m) of the curves of a type of law at the kept ones of the knots; they
-        are 0 at both ends, as the shape is.
-        """
+        """Values (parameters, m) of a law's curves at the kept knots; 0 at both ends."""
         curves = cls.families[law](knots / knots[-1])
         line = (knots - knots[0]) / (knots[-1] - knots[0])
         beside = curves - curves[0] - np.outer(line, curves[-1] - curves[0])
@@ -141,9 +139,7 @@ def rounded(knots: Array) -> tuple[float, ...]:
 
 
 def hats(x: Array, knots: tuple[float, ...], straight: bool = False) -> Array:
-    """B-splines of degree one (n, k): 1 at their own knot, 0 at the others; beyond the outermost
-    knots constant, or `straight` on.
-    """
+    """B-splines of degree one (n, k), constant beyond the outermost knots, or `straight` on."""
     columns: Array = np.stack([np.interp(x, knots, row) for row in np.eye(len(knots))], axis=1)
     for last, before in ((0, 1), (-1, -2)) if straight else ():
         step = knots[last] - knots[before]
@@ -181,8 +177,8 @@ def dry_friction(symbol: str) -> tuple[Parameter, ...]:
 class NonparametricDryFriction(NonparametricTerm):
     """f(x) sgn(q'): a shape of dry friction."""
 
-    family: ClassVar[Family] = "friction"
-    times: ClassVar[tuple[str, ...]] = ("sgn(q')",)
+    family = "friction"
+    times = ("sgn(q')",)
 
 
 class NonparametricSpeedFriction(NonparametricDryFriction):
@@ -192,24 +188,18 @@ class NonparametricSpeedFriction(NonparametricDryFriction):
     """
 
     type: Literal["nonparametric_speed_friction"] = "nonparametric_speed_friction"
-    said: ClassVar[str] = "friction that follows the speed, alike in both directions"
-    draws: ClassVar[tuple[str, ...]] = ("stribeck", "viscous_quadratic")
-    variable: ClassVar[Variable] = "velocity"
-    spacing: ClassVar[tuple[float, ...]] = (
-        *(0.0, 0.02, 0.04, 0.07, 0.12, 0.2),
-        *(0.32, 0.47, 0.63, 0.81, 1.0),
-    )
-    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 10))
-    straight: ClassVar[bool] = True
-    families: ClassVar[Mapping[str, Callable[[Array], Array]]] = {
-        "stribeck": dying_out,
-        "viscous_quadratic": growing,
-    }
-    falling: ClassVar[tuple[str, ...]] = ("stribeck",)
-    straight_from: ClassVar[int] = 5
-    slope_of: ClassVar[str | None] = "viscous"
-    height_of: ClassVar[str | None] = "coulomb"
-    symbols: ClassVar[tuple[Parameter, ...]] = dry_friction("f_speed")
+    said = "friction that follows the speed, alike in both directions"
+    draws = ("stribeck", "viscous_quadratic")
+    variable = "velocity"
+    spacing = (*(0.0, 0.02, 0.04, 0.07, 0.12, 0.2), *(0.32, 0.47, 0.63, 0.81, 1.0))
+    kept = tuple(range(1, 10))
+    straight = True
+    families = {"stribeck": dying_out, "viscous_quadratic": growing}
+    falling = ("stribeck",)
+    straight_from = 5
+    slope_of = "viscous"
+    height_of = "coulomb"
+    symbols = dry_friction("f_speed")
 
     knots: tuple[float, ...] = Field(examples=[tuple(0.01 * k * k for k in range(11))])
 
@@ -218,12 +208,12 @@ class NonparametricPositionFriction(NonparametricDryFriction):
     """f(q) sgn(q') beside Coulomb friction: 0 at the lower end."""
 
     type: Literal["nonparametric_position_friction"] = "nonparametric_position_friction"
-    said: ClassVar[str] = "friction that follows the position, alike in both directions"
-    draws: ClassVar[tuple[str, ...]] = ("position_friction", "cyclic_friction")
-    variable: ClassVar[Variable] = "position"
-    spacing: ClassVar[tuple[float, ...]] = tuple(k / 8 for k in range(9))
-    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 9))
-    symbols: ClassVar[tuple[Parameter, ...]] = dry_friction("f_place")
+    said = "friction that follows the position, alike in both directions"
+    draws = ("position_friction", "cyclic_friction")
+    variable = "position"
+    spacing = tuple(k / 8 for k in range(9))
+    kept = tuple(range(1, 9))
+    symbols = dry_friction("f_place")
 
     knots: tuple[float, ...] = Field(examples=[tuple(-2.5 + 0.25 * k for k in range(9))])
 
@@ -232,14 +222,14 @@ class NonparametricPadFriction(NonparametricTerm):
     """f(q4) g |cos psi| sgn(q'): pads whose load follows the extension in some other way."""
 
     type: Literal["nonparametric_pad_friction"] = "nonparametric_pad_friction"
-    family: ClassVar[Family] = "friction"
-    said: ClassVar[str] = "friction that follows the inclination and the extension of the telescope"
-    draws: ClassVar[tuple[str, ...]] = ("pad_friction",)
-    variable: ClassVar[Variable] = "position"
-    spacing: ClassVar[tuple[float, ...]] = tuple(k / 5 for k in range(6))
-    kept: ClassVar[tuple[int, ...]] = tuple(range(6))
-    times: ClassVar[tuple[str, ...]] = ("g |cos psi| sgn(q')",)
-    symbols: ClassVar[tuple[Parameter, ...]] = (
+    family = "friction"
+    said = "friction that follows the inclination and the extension of the telescope"
+    draws = ("pad_friction",)
+    variable = "position"
+    spacing = tuple(k / 5 for k in range(6))
+    kept = tuple(range(6))
+    times = ("g |cos psi| sgn(q')",)
+    symbols = (
         Parameter(
             "pad_load_{knot}",
             "kg",
@@ -267,14 +257,14 @@ class NonparametricLoadFriction(NonparametricDryFriction):
     """
 
     type: Literal["nonparametric_load_friction"] = "nonparametric_load_friction"
-    said: ClassVar[str] = "friction that follows the load, alike in both directions"
-    draws: ClassVar[tuple[str, ...]] = ("load_friction", "weight_friction")
-    holds: ClassVar[tuple[str, ...]] = ("pressure_gain", "linkage_scale")  # a line: tau itself
-    variable: ClassVar[Variable] = "force against the motion"
-    spacing: ClassVar[tuple[float, ...]] = tuple(k / 10 for k in range(11))
-    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 10))
-    straight: ClassVar[bool] = True
-    symbols: ClassVar[tuple[Parameter, ...]] = dry_friction("f_load")
+    said = "friction that follows the load, alike in both directions"
+    draws = ("load_friction", "weight_friction")
+    holds = ("pressure_gain", "linkage_scale")  # a line: tau itself
+    variable = "force against the motion"
+    spacing = tuple(k / 10 for k in range(11))
+    kept = tuple(range(1, 10))
+    straight = True
+    symbols = dry_friction("f_load")
 
     knots: tuple[float, ...] = Field(examples=[tuple(-2000.0 + 400.0 * k for k in range(11))])
 
@@ -283,9 +273,7 @@ class NonparametricLoadFriction(NonparametricDryFriction):
         return _load(record, j) * record.direction[:, j]
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """(1 + s)/2 B_k(tau) - (1 - s)/2 B_k(-tau), s = sgn(q'): where a joint sticks, friction is
-        between what it is either way.
-        """
+        """(1 + s)/2 B_k(tau) - (1 - s)/2 B_k(-tau), s = sgn(q'), between both if it sticks."""
         load, s = _load(record, j), record.direction[:, j, np.newaxis]
         ahead, back = (
             hats(force, self.knots, self.straight)[:, self.kept] for force in (load, -load)
@@ -302,14 +290,14 @@ class NonparametricWarmUp(NonparametricTerm):
     """f(t) q' beside viscous friction: 0 at the end of the session, when the oil is warm."""
 
     type: Literal["nonparametric_warm_up"] = "nonparametric_warm_up"
-    family: ClassVar[Family] = "friction"
-    said: ClassVar[str] = "viscous friction that follows the time of the session"
-    draws: ClassVar[tuple[str, ...]] = ("warm_up", "temperature_viscosity")
-    variable: ClassVar[Variable] = "time"
-    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.03, 0.08, 0.16, 0.3, 0.55, 1.0)
-    kept: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, 4, 5)
-    times: ClassVar[tuple[str, ...]] = ("q'",)
-    symbols: ClassVar[tuple[Parameter, ...]] = (
+    family = "friction"
+    said = "viscous friction that follows the time of the session"
+    draws = ("warm_up", "temperature_viscosity")
+    variable = "time"
+    spacing = (0.0, 0.03, 0.08, 0.16, 0.3, 0.55, 1.0)
+    kept = (0, 1, 2, 3, 4, 5)
+    times = ("q'",)
+    symbols = (
         Parameter(
             "f_time_{knot}",
             "{force} s/{coordinate}",
@@ -331,15 +319,15 @@ class NonparametricPositionForce(NonparametricTerm):
     """f(q), at q' of either sign, beside a constant force: 0 at the lower end."""
 
     type: Literal["nonparametric_position_force"] = "nonparametric_position_force"
-    family: ClassVar[Family] = "elasticity"
-    said: ClassVar[str] = "a force that follows the position, whatever the motion"
-    draws: ClassVar[tuple[str, ...]] = ("hose_stiffness",)
-    variable: ClassVar[Variable] = "position"
-    spacing: ClassVar[tuple[float, ...]] = tuple(k / 8 for k in range(9))
-    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 9))
-    times: ClassVar[tuple[str, ...]] = ("1",)
-    rises: ClassVar[bool] = True
-    symbols: ClassVar[tuple[Parameter, ...]] = (
+    family = "elasticity"
+    said = "a force that follows the position, whatever the motion"
+    draws = ("hose_stiffness",)
+    variable = "position"
+    spacing = tuple(k / 8 for k in range(9))
+    kept = tuple(range(1, 9))
+    times = ("1",)
+    rises = True
+    symbols = (
         Parameter(
             "k_place_{knot}", "{force}", None, "force at knot {knot} beyond that at the lower end"
         ),
@@ -352,14 +340,14 @@ class NonparametricEndDamping(NonparametricTerm):
     """(f(q) + h(q) |q'|) q' near both ends of the range that was moved through: 0 between."""
 
     type: Literal["nonparametric_end_damping"] = "nonparametric_end_damping"
-    family: ClassVar[Family] = "hydraulics"
-    said: ClassVar[str] = "resistance to motion near the ends of the range"
-    draws: ClassVar[tuple[str, ...]] = ("end_cushioning",)
-    variable: ClassVar[Variable] = "position"
-    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.05, 0.11, 0.2, 0.8, 0.89, 0.95, 1.0)
-    kept: ClassVar[tuple[int, ...]] = (0, 1, 2, 5, 6, 7)
-    times: ClassVar[tuple[str, ...]] = ("q'", "q'|q'|")
-    symbols: ClassVar[tuple[Parameter, ...]] = (
+    family = "hydraulics"
+    said = "resistance to motion near the ends of the range"
+    draws = ("end_cushioning",)
+    variable = "position"
+    spacing = (0.0, 0.05, 0.11, 0.2, 0.8, 0.89, 0.95, 1.0)
+    kept = (0, 1, 2, 5, 6, 7)
+    times = ("q'", "q'|q'|")
+    symbols = (
         Parameter(
             "f_end_{knot}", "{force} s/{coordinate}", None, "viscous resistance at knot {knot}"
         ),
@@ -379,8 +367,8 @@ class RelaxingForce(MemoryTerm, OneJointTerm):
     """
 
     type: Literal["relaxing_force"] = "relaxing_force"
-    family: ClassVar[Family] = "elasticity"
-    unlisted_signature: ClassVar[str] = "a force that follows the position and fades within seconds"
+    family = "elasticity"
+    unlisted_signature = "a force that follows the position and fades within seconds"
 
     times: tuple[float, ...] = Field(default=(0.3, 1.0, 3.0, 9.0), min_length=1)
 

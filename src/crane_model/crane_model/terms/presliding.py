@@ -1,7 +1,7 @@
 """Friction and play with a memory: presliding, breakaway, stick and slip, backlash."""
 
 import math
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from numba import njit
@@ -10,7 +10,7 @@ from pydantic import Field
 from crane_model.array import Array, Flags
 from crane_model.record import Record
 from crane_model.terms.joint_term import JointMemoryTerm, MemoryTerm, OneJointTerm
-from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape
+from crane_model.terms.term import Effect, Parameter, Setting, Shape
 
 # Friction before a joint slides: its force builds up over a small displacement.
 
@@ -23,8 +23,8 @@ class Presliding(JointMemoryTerm):
     """
 
     type: Literal["presliding"] = "presliding"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "presliding hysteresis",
         "a loop against displacement after every reversal, the same at all speeds",
         ("coulomb", "stribeck", "maxwell_slip", "backlash", "time_skew"),
@@ -32,12 +32,10 @@ class Presliding(JointMemoryTerm):
         kin=("maxwell_slip",),
         follows=("way since it turned",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
+    shapes = {
         "travel": Shape(3e-4, 3e-2, "rad or m", 9, "displacement over which friction builds up")
     }
-    symbol: ClassVar[Parameter] = Parameter(
-        "f_h", "{force}", 0.0, "friction that builds up over a displacement"
-    )
+    symbol = Parameter("f_h", "{force}", 0.0, "friction that builds up over a displacement")
 
     travel: float = Field(gt=0)
 
@@ -61,7 +59,6 @@ class Presliding(JointMemoryTerm):
 
 @njit(cache=True)
 def _slid(z: float, displacement: float) -> float:
-    """z after a way in units of the travel."""
     end = 1.0 if displacement > 0.0 else -1.0
     return end + (z - end) * math.exp(-abs(displacement))
 
@@ -94,21 +91,19 @@ class Stiction(JointMemoryTerm):
     """
 
     type: Literal["stiction"] = "stiction"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "stiction",
         "a peak of friction when a joint starts after it stood, and at no other time",
         ("stribeck",),
         "starts from rest after dwells of different lengths",
         follows=("way since it turned",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
+    shapes = {
         "travel": Shape(3e-4, 3e-2, "rad or m", 7, "displacement over which it gives way"),
         "dwell": Shape(0.2, 5.0, "s", 3, "time at rest in which it grows"),
     }
-    symbol: ClassVar[Parameter] = Parameter(
-        "f_b", "{force}", 0.0, "friction at breakaway beyond Coulomb friction"
-    )
+    symbol = Parameter("f_b", "{force}", 0.0, "friction at breakaway beyond Coulomb friction")
 
     travel: float = Field(gt=0)
     dwell: float = Field(gt=0)
@@ -174,8 +169,8 @@ class MaxwellSlip(MemoryTerm, OneJointTerm):
     """
 
     type: Literal["maxwell_slip"] = "maxwell_slip"
-    family: ClassVar[Family] = "friction"
-    effect: ClassVar[Effect] = Effect(
+    family = "friction"
+    effect = Effect(
         "Maxwell slip",
         "nested loops against displacement that remember the turning points",
         ("stribeck", "presliding", "backlash"),
@@ -183,7 +178,7 @@ class MaxwellSlip(MemoryTerm, OneJointTerm):
         kin=("presliding",),
         follows=("way since it turned",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
+    shapes = {
         "travel": Shape(1e-3, 5e-2, "rad or m", 7, "displacement at which the last element slips")
     }
 
@@ -236,18 +231,18 @@ class Backlash(JointMemoryTerm):
     """
 
     type: Literal["backlash"] = "backlash"
-    family: ClassVar[Family] = "elasticity"
-    effect: ClassVar[Effect] = Effect(
+    family = "elasticity"
+    effect = Effect(
         "backlash",
         "force is missing over a short displacement after the load, not the speed, reverses",
         ("presliding", "maxwell_slip"),
         "slow strokes with a load that does not reverse, then with one that does",
         follows=("force",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
+    shapes = {
         "clearance": Shape(5e-4, 2e-2, "rad or m", 7, "motion of the joint across the clearance")
     }
-    symbol: ClassVar[Parameter] = Parameter(
+    symbol = Parameter(
         "f_g", "{force}", 0.0, "force that is missing until the clearance is crossed"
     )
 

@@ -1,8 +1,7 @@
 """Rigid-body terms."""
 
-from collections.abc import Sequence
 from functools import lru_cache
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +14,16 @@ from crane_model.base_parameters import (
     lagrangian_from_standard,
     standard_from_chain,
 )
-from crane_model.chain import PER_BODY, SerialChain, fill_regressor
-from crane_model.chain import pull_back as chain_pull_back
+from crane_model.chain import SerialChain
+from crane_model.chain.body_regressor import PER_BODY, fill_regressor
+from crane_model.chain.slopes import pull_back as chain_pull_back
 from crane_model.dynamics import Geometry, fill_base_regressor, planar_pull_back
 from crane_model.errors import ConfigurationError
 from crane_model.joint import MachineJoint
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.gravity_and_load import planar_columns, planar_machine
-from crane_model.terms.term import Family, Parameter, Setting, Term
+from crane_model.terms.term import Parameter, Setting, Term
 
 
 class PlanarRigidBody(Term):
@@ -34,9 +34,9 @@ class PlanarRigidBody(Term):
     """
 
     type: Literal["planar_rigid_body"] = "planar_rigid_body"
-    family: ClassVar[Family] = "rigid body"
-    has_base_parameters: ClassVar[bool] = True
-    of_one_instant: ClassVar[bool] = True
+    family = "rigid body"
+    has_base_parameters = True
+    of_one_instant = True
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         planar_machine(self, setting)
@@ -138,8 +138,8 @@ class SerialRigidBody(Term):
     """
 
     type: Literal["serial_rigid_body"] = "serial_rigid_body"
-    family: ClassVar[Family] = "rigid body"
-    of_one_instant: ClassVar[bool] = True
+    family = "rigid body"
+    of_one_instant = True
 
     zero: tuple[str, ...] = ()
 
@@ -181,13 +181,13 @@ class SerialRigidBody(Term):
         names = [joint for joint in machine.joint_names if joint in setting.units]
         places = {joint: record.column(joint) for joint in names}
         still = record.position.shape[1]  # a column of zeros beside those of the record
-        samples = [record.position, record.velocity, record.acceleration]
+        q, v, a = record.position, record.velocity, record.acceleration
         if len(names) < len(machine.joint_names):
-            samples = [np.pad(values, ((0, 0), (0, 1))) for values in samples]
+            q, v, a = (np.pad(values, ((0, 0), (0, 1))) for values in (q, v, a))
         at = np.array([places.get(joint, still) for joint in machine.joint_names])
         leader = at[machine.chain.leader]
         rows = np.where(leader == still, -1, leader)
-        return _Motion((machine.chain._replace(leader=leader), rows), samples)
+        return _Motion((machine.chain._replace(leader=leader), rows), (q, v, a))
 
     def _bodies(self, setting: Setting) -> "_Bodies":
         machine = setting.machine
@@ -204,12 +204,10 @@ class _Motion(NamedTuple):
     """A record as the chain takes it."""
 
     chain: tuple[SerialChain, NDArray[np.int64]]  # its joints lead from the record's columns, rows
-    samples: Sequence[Array]  # q, q', q''
+    samples: tuple[Array, Array, Array]  # q, q', q''
 
 
 class _Bodies(NamedTuple):
-    """What a term knows of the bodies of its model."""
-
     base: BaseSet
     parameters: tuple[Parameter, ...]
     turned: Array | None  # (r, r): columns of other combinations from those of the base set

@@ -1,4 +1,4 @@
-"""What sensors add: zeros of transducers, gain of one of two, zeros of encoders, late clocks."""
+"""Errors of sensors: zeros of transducers, gain of one of two, zeros of encoders, late clocks."""
 
 from dataclasses import replace
 from typing import ClassVar, Literal
@@ -20,9 +20,9 @@ from crane_model.terms.joint_term import (
     lever_and_slope,
 )
 from crane_model.terms.nonparametric import NonparametricTerm
-from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape, Variable
+from crane_model.terms.term import Effect, Parameter, Setting, Shape
 
-# What transducers show of a force that they follow through some filter, whatever its form.
+# Readings of transducers that follow a force through some filter, whatever its form.
 
 LEADS_S = (-0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
 
@@ -37,13 +37,13 @@ class FilteredReading(NonparametricTerm):
     """
 
     type: Literal["filtered_reading"] = "filtered_reading"
-    family: ClassVar[Family] = "sensing"
-    said: ClassVar[str] = "a force that follows the change of the measured force"
-    draws: ClassVar[tuple[str, ...]] = ("time_skew",)
-    variable: ClassVar[Variable] = "lead"
-    spacing: ClassVar[tuple[float, ...]] = LEADS_S
-    kept: ClassVar[tuple[int, ...]] = tuple(k for k, lead in enumerate(LEADS_S) if lead)
-    times: ClassVar[tuple[str, ...]] = ("F(t + lead) - F(t)",)
+    family = "sensing"
+    said = "a force that follows the change of the measured force"
+    draws = ("time_skew",)
+    variable = "lead"
+    spacing = LEADS_S
+    kept = tuple(k for k, lead in enumerate(LEADS_S) if lead)
+    times = ("F(t + lead) - F(t)",)
 
     knots: tuple[float, ...] = Field(examples=[LEADS_S])
 
@@ -86,8 +86,8 @@ class PressureOffset(OneJointTerm):
     """
 
     type: Literal["pressure_offset"] = "pressure_offset"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "offset of a pressure transducer",
         "a constant force of the cylinder, which the lever arm turns into one that follows q",
         (
@@ -115,8 +115,8 @@ class ChamberGain(OneJointTerm):
     """-gain A_B p_B dx/dq: the transducer of chamber B off by a factor against that of A (19)."""
 
     type: Literal["chamber_gain"] = "chamber_gain"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "gain of one pressure transducer against the other",
         "force in proportion to the pressure of one chamber",
         (
@@ -152,8 +152,8 @@ class ChamberAGain(ForceScale):
     """
 
     type: Literal["chamber_a_gain"] = "chamber_a_gain"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "gain of the pressure transducer of chamber A",
         "force in proportion to the pressure of chamber A: that of chamber B, and the whole force",
         (
@@ -191,8 +191,8 @@ class EncoderOffset(OfBodies):
     """
 
     type: Literal["encoder_offset"] = "encoder_offset"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "zero of an encoder",
         "torque in proportion to the cylinder force times the slope of the lever arm",
         ("base_tilt", "hose_stiffness", "chamber_a_gain"),
@@ -237,17 +237,15 @@ class TimeSkew(OneJointTerm):
     """
 
     type: Literal["time_skew"] = "time_skew"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "delay between pressures and encoders",
         "error in proportion to the rate of the force, the same delay on all joints of a bus",
         ("viscous", "presliding", "actuator_inertia", "boom_flexibility"),
         "one signal fed to both sensor channels at once",
         follows=("rate of the force",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
-        "lead": Shape(0.01, 0.3, "s", 4, "time over which the force is taken to change")
-    }
+    shapes = {"lead": Shape(0.01, 0.3, "s", 4, "time over which the force is taken to change")}
 
     lead: float = Field(default=0.0, ge=0)
 
@@ -275,8 +273,8 @@ class PressureDrift(OneJointTerm):
     """
 
     type: Literal["pressure_drift"] = "pressure_drift"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "drift of a pressure transducer",
         "a force of the cylinder that grows with the time since the start, whatever the motion",
         ("pressure_offset", "chamber_gain_drift"),
@@ -299,8 +297,8 @@ class ChamberGainDrift(ForceScale):
     """gain t (tau + A_B p_B dx/dq): a transducer of chamber A whose gain drifts with time (19)."""
 
     type: Literal["chamber_gain_drift"] = "chamber_gain_drift"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "drifting gain of a pressure transducer",
         "force in proportion to the pressure of chamber A and to the time since the start",
         ("chamber_a_gain", "chamber_gain", "pressure_drift"),
@@ -319,7 +317,7 @@ class ChamberGainDrift(ForceScale):
         return gain.joint_columns(record, setting, j) * record.time
 
 
-# What transducers show of pressure without being in proportion to their own: of no effect.
+# Readings of transducers that are not in proportion to their own pressure: of no effect.
 
 REFERENCE_PRESSURE_PA = 1e7  # at which the parameters of a bend say what it is
 
@@ -332,8 +330,8 @@ class BentReading(OneJointTerm):
     """
 
     type: Literal["bent_reading"] = "bent_reading"
-    family: ClassVar[Family] = "sensing"
-    unlisted_signature: ClassVar[str] = "a force that bends with the pressure of a chamber"
+    family = "sensing"
+    unlisted_signature = "a force that bends with the pressure of a chamber"
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         cylinder_machine(self, setting, self.joint)
@@ -360,8 +358,8 @@ class CurvedReadingOfA(OneJointTerm):
     """
 
     type: Literal["curved_reading_a"] = "curved_reading_a"
-    family: ClassVar[Family] = "sensing"
-    unlisted_signature: ClassVar[str] = "a force that bends with the pressure of chamber A"
+    family = "sensing"
+    unlisted_signature = "a force that bends with the pressure of chamber A"
     chamber: ClassVar[Literal["A", "B"]] = "A"
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -386,7 +384,7 @@ class CurvedReadingOfB(CurvedReadingOfA):
     """-(curve p_B^2/10 MPa + twist p_B^3/(10 MPa)^2) A_B dx/dq: that of the other chamber (19)."""
 
     type: Literal["curved_reading_b"] = "curved_reading_b"  # type: ignore[assignment]
-    unlisted_signature: ClassVar[str] = "a force that bends with the pressure of chamber B"
+    unlisted_signature = "a force that bends with the pressure of chamber B"
     chamber: ClassVar[Literal["A", "B"]] = "B"
 
 
@@ -394,10 +392,8 @@ class OtherPressures(OneJointTerm):
     """share_k p_k A_A dx/dq (19): a transducer that picks up the chambers k of other joints."""
 
     type: Literal["other_pressures"] = "other_pressures"
-    family: ClassVar[Family] = "sensing"
-    unlisted_signature: ClassVar[str] = (
-        "a force that follows the pressures of another joint's cylinder"
-    )
+    family = "sensing"
+    unlisted_signature = "a force that follows the pressures of another joint's cylinder"
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         return tuple(
@@ -436,9 +432,9 @@ class VelocityLag(OneJointTerm):
     """
 
     type: Literal["velocity_lag"] = "velocity_lag"
-    family: ClassVar[Family] = "sensing"
-    nuisance: ClassVar[bool] = True
-    shapes: ClassVar[dict[str, Shape]] = {
+    family = "sensing"
+    nuisance = True
+    shapes = {
         "speed": Shape(3e-3, 0.1, "rad/s or m/s", 5, "speed below which the estimate is wrong")
     }
 

@@ -1,6 +1,6 @@
 """Terms that, with friction, describe any one-axis machine."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -11,18 +11,16 @@ from crane_model.errors import ConfigurationError
 from crane_model.motion_columns import MotionQuantity
 from crane_model.record import Record
 from crane_model.terms.joint_term import JointTerm, OneJointTerm, ProportionalTerm
-from crane_model.terms.term import Effect, Family, Parameter, Setting, Shape
+from crane_model.terms.term import Effect, Parameter, Setting, Shape
 
 
 class Inertia(ProportionalTerm):
     """J q'': the inertia that one axis moves."""
 
     type: Literal["inertia"] = "inertia"
-    family: ClassVar[Family] = "rigid body"
-    quantity: ClassVar[MotionQuantity] = MotionQuantity.ACCELERATION
-    symbol: ClassVar[Parameter] = Parameter(
-        "inertia", "{inertia}", 0.0, "inertia moved by the joint"
-    )
+    family = "rigid body"
+    quantity = MotionQuantity.ACCELERATION
+    symbol = Parameter("inertia", "{inertia}", 0.0, "inertia moved by the joint")
 
 
 class Gravity(OneJointTerm):
@@ -33,7 +31,7 @@ class Gravity(OneJointTerm):
     """
 
     type: Literal["gravity"] = "gravity"
-    family: ClassVar[Family] = "gravity and load"
+    family = "gravity and load"
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """g_s, g_c; `ConfigurationError` for a joint that does not turn."""
@@ -56,15 +54,15 @@ class Offset(ProportionalTerm):
     """tau = f_0, a constant force: the drive's or the sensor's zero."""
 
     type: Literal["offset"] = "offset"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
+    family = "sensing"
+    effect = Effect(
         "constant force",
         "a constant force, whatever the motion",
         ("coulomb_asymmetry", "pressure_offset"),
         "readings of the force sensors without load",
     )
-    quantity: ClassVar[MotionQuantity] = MotionQuantity.ONE
-    symbol: ClassVar[Parameter] = Parameter("offset", "{force}", None, "constant force")
+    quantity = MotionQuantity.ONE
+    symbol = Parameter("offset", "{force}", None, "constant force")
 
 
 class GasSpring(JointTerm):
@@ -77,10 +75,8 @@ class GasSpring(JointTerm):
     """
 
     type: Literal["gas_spring"] = "gas_spring"
-    family: ClassVar[Family] = "gravity and load"
-    symbol: ClassVar[Parameter] = Parameter(
-        "gas_spring", "1", 0.0, "force of the gas spring over its data sheet's"
-    )
+    family = "gravity and load"
+    symbol = Parameter("gas_spring", "1", 0.0, "force of the gas spring over its data sheet's")
 
     distance: Annotated[Positive, Field(examples=[0.8])]  # m
     crank: Annotated[Positive, Field(examples=[0.2])]  # m
@@ -120,17 +116,15 @@ class EndCushioning(OneJointTerm):
     """
 
     type: Literal["end_cushioning"] = "end_cushioning"
-    family: ClassVar[Family] = "hydraulics"
-    effect: ClassVar[Effect] = Effect(
+    family = "hydraulics"
+    effect = Effect(
         "end cushioning",
         "resistance to motion near the ends of the range only",
         ("position_friction",),
         "sweeps into both ends of the range at several speeds",
         follows=("position",),
     )
-    shapes: ClassVar[dict[str, Shape]] = {
-        "zone": Shape(0.02, 0.3, "rad or m", 6, "length of the zone before each limit")
-    }
+    shapes = {"zone": Shape(0.02, 0.3, "rad or m", 6, "length of the zone before each limit")}
 
     zone: float = Field(gt=0)
     ends: tuple[End, ...] = Field(default=("lower", "upper"), min_length=1)

@@ -1,4 +1,4 @@
-"""What a term of the model is, the registry of all of them, and the candidates among them."""
+"""Terms of the model, the registry of all of them, and the candidates among them."""
 
 import sys
 from abc import ABC, abstractmethod
@@ -18,7 +18,7 @@ from crane_model.machine import Machine
 from crane_model.motion_columns import MotionColumn
 from crane_model.record import Record
 
-# What single recordings carry.
+# Loads of single recordings.
 
 
 class Load(Schema):
@@ -28,7 +28,7 @@ class Load(Schema):
     recordings: tuple[str, ...] = ()
 
 
-# What makes a term a candidate for an effect that a model lacks.
+# Properties that make a term a candidate for an effect that a model lacks.
 
 Variable = Literal[
     "position",
@@ -48,7 +48,7 @@ Variable = Literal[
     "time",
     "recording",
 ]
-"""What the force of an effect may depend on, beside the direction of motion."""
+"""Quantities that the force of an effect may depend on, besides the direction of motion."""
 
 
 class Effect(NamedTuple):
@@ -103,7 +103,7 @@ class Shape(NamedTuple):
         return both[-1] if coordinate == "m" else both[0]
 
     def share(self, value: float) -> float:
-        """Where a value lies between lowest, 0, and highest, 1."""
+        """Place of a value between lowest, 0, and highest, 1."""
         if self.even:
             return (value - self.lowest) / (self.highest - self.lowest)
         return float(np.log(value / self.lowest) / np.log(self.highest / self.lowest))
@@ -139,7 +139,7 @@ class Parameter(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What a term may know of its model: units of the joints' coordinates, and the machine."""
+    """Knowledge of a term about its model: units of the joints' coordinates, and the machine."""
 
     units: Mapping[str, str]  # joint -> rad or m
     machine: Machine | None
@@ -191,22 +191,22 @@ class Term(Schema, ABC):
 
     @classmethod
     def has_inertia(cls) -> bool:
-        """Whether it is of the bodies themselves, as (7) has them."""
+        """Return whether it belongs to the bodies themselves, as (7) has them."""
         return cls.family == "rigid body"
 
     @classmethod
     def has_weight(cls) -> bool:
-        """Whether what it asks for at rest is the work of gravity."""
+        """Return whether its force at rest is the work of gravity."""
         return cls.family in ("rigid body", "gravity and load")
 
     @classmethod
     def is_friction(cls) -> bool:
-        """Whether it takes energy from the motion, as (13) does."""
+        """Return whether it takes energy from the motion, as (13) does."""
         return cls.family == "friction"
 
     @classmethod
     def is_of_sensors(cls) -> bool:
-        """Whether it is in what sensors show, and not in the machine."""
+        """Return whether it is in the readings of sensors, and not in the machine."""
         return cls.family == "sensing"
 
     @classmethod
@@ -221,12 +221,12 @@ class Term(Schema, ABC):
 
     @property
     def of_recordings(self) -> bool:
-        """Whether it says what single recordings carried, which is no property of the machine."""
+        """Return whether it belongs to single recordings, and not to the machine."""
         return False
 
     @property
     def carried(self) -> tuple[Load, ...]:
-        """What single recordings carry; nothing where none differs."""
+        """Loads of single recordings; empty if none differs."""
         return ()
 
     @abstractmethod
@@ -241,9 +241,7 @@ class Term(Schema, ABC):
         """
 
     def showing(self, shown: Flags) -> Self:
-        """The term without parts that recordings do not show: `shown` (parameters,) says which of
-        its columns they do. One whose parts belong together stays as it is.
-        """
+        """The term without parts that recordings do not show, by `shown` (parameters,)."""
         return self
 
     def curves(self, values: Array) -> tuple[NonparametricCurve, ...]:
@@ -251,9 +249,7 @@ class Term(Schema, ABC):
         return ()
 
     def of_bodies(self, setting: Setting) -> Array | None:
-        """(parameters, 10 m) from the ten of each body of the machine (`crane_model.chain`) to its
-        parameters; None where they do not follow from the bodies.
-        """
+        """(parameters, 10 m) from the bodies' ten; None if it does not follow from them."""
         return None
 
     @property
@@ -266,9 +262,7 @@ class Term(Schema, ABC):
         return ()
 
     def turned_by(self, setting: Setting) -> Mapping[str, float]:
-        """Joints, with their shares of a speed whose sign the term follows; none where that is of
-        single joints.
-        """
+        """Joints, with their shares of a speed whose sign the term follows, if of several."""
         return {}
 
     def pull_back(self, record: Record, setting: Setting, weight: Array) -> Array | None:

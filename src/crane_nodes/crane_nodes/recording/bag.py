@@ -32,7 +32,7 @@ RECORD_BYTES = 31 + 16  # bytes that mcap adds to a message: its record, and its
 
 @dataclass(frozen=True)
 class Definition:
-    """What a bag keeps of a message type, so that it can be read where the type is unknown."""
+    """Definition of a message type in a bag, so that it can be read without the type."""
 
     encoding: str  # "ros2msg" or "ros2idl"
     text: str  # with the text of every type in it
@@ -123,7 +123,7 @@ class RecordedTopic:
 
 @dataclass
 class FileSummary:
-    """What one storage file holds."""
+    """Content of one storage file."""
 
     name: str
     start: int = NEVER_NS  # ns, log time

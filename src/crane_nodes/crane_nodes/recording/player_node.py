@@ -77,11 +77,11 @@ def select(
     allow_valve_command: bool,
     resolve: Callable[[str], str],
 ) -> Selection:
-    """What can be played of the `topics` of a bag (none: of all).
+    """Find the playable ones of the `topics` of a bag (none: of all).
 
     `resolve` gives the name onto which a recorded topic is played; none is played onto a valve
-    command, in whatever namespace, unless that is allowed. `DataError` if a topic is not in the
-    bag or nothing is left to play.
+    command, in whatever namespace, unless that is allowed. `DataError` if a topic is not in the bag
+    or nothing is left to play.
     """
     recorded = sorted({connection.topic for connection in reader.connections})
     if absent := [name for name in topics if name not in recorded]:
@@ -141,7 +141,7 @@ def schedule(path: Path, reader: Reader, selection: Selection) -> Iterator[Due]:
 
 
 class PlaybackPace:
-    """Where the time of the bag stands on the steady clock; both in ns.
+    """Time of the bag on the steady clock; both in ns.
 
     `rate` seconds of the bag pass in one second.
     """
@@ -267,7 +267,7 @@ class Player(Node):
 
 @dataclass(frozen=True, kw_only=True)
 class PlayRequest:
-    """What the command line asks for."""
+    """Request of the command line."""
 
     bag: Path
     rate: float  # times as fast

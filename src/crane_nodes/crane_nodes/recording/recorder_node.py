@@ -211,7 +211,7 @@ class Recorder(Node):
             )
 
     def silences(self) -> dict[str, str]:
-        """What is to be said of each topic that was silent though it had a publisher."""
+        """Report each topic that was silent though it had a publisher."""
         now = self._time.now()
         spans = {name: recorded.silence.spans(now) for name, recorded in self.recorded.items()}
         return {name: self._told(found) for name, found in spans.items() if found}
@@ -268,7 +268,7 @@ class Recorder(Node):
 
 
 def _rhythm(name: str, service: Service) -> Rhythm:
-    """What is expected of a topic; one of the suite is known in every namespace."""
+    """Expected rhythm of a topic; one of the suite is known in every namespace."""
     base = name.rpartition("/")[2]
     known = [topic for topic in TOPICS if topic.name == f"/{base}"]
     if known:

@@ -244,8 +244,6 @@ def recover(damaged: Path, out: Path) -> str:
 
 @dataclass
 class _Saved:
-    """Messages of one topic."""
-
     number: int
     count: int = 0
     first: int = 2**63 - 1  # ns

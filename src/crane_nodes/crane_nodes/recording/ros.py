@@ -46,10 +46,10 @@ def request(offered: Sequence[Qos]) -> Service:
 
 
 def offer(recorded: Sequence[Qos]) -> Service:
-    """What one publisher offers in the place of the recorded ones: to all who heard those.
+    """Quality of service of one publisher that replaces the recorded ones: to all who heard those.
 
-    A latched topic keeps as many messages as its publishers kept together; discovery does not
-    tell the depth of a history (it is 0 in recordings), then one each.
+    A latched topic keeps as many messages as its publishers kept together; discovery does not show
+    the depth of a history (it is 0 in recordings), then one each.
     """
     latched = [max(profile.depth, 1) for profile in recorded if _latched(profile)]
     return Service(reliable=True, latched=bool(latched), depth=sum(latched) or WAITING_MESSAGES)

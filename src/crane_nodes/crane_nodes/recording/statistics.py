@@ -71,7 +71,7 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 class Rhythm(Enum):
-    """What is expected of a topic."""
+    """Expected rhythm of a topic."""
 
     CONTINUOUS = auto()
     ANY = auto()  # nothing: latched, or sent now and then

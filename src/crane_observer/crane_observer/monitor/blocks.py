@@ -70,8 +70,9 @@ class SupplyLine:
         self._surplus = LARGEST_SURPLUS
 
     def add(self, droop: float, above: float, span: float) -> bool:
-        """Whether there may be a surplus in a block of `span` [s] in which joints let the supply
-        droop by `droop` [Pa], 0 where that is not known, and it was `above` p_0 [Pa] in the mean.
+        """Return whether there may be a surplus in a block of `span` [s] in which joints let the
+        supply droop by `droop` [Pa], 0 if that is not known, and it was `above` p_0 [Pa] in the
+        mean.
         """
         before = self._surplus
         if above + droop <= 0.0:  # the pump holds it
@@ -107,7 +108,7 @@ def error_of_drop(missed: Array, wide: Array, drop: Array) -> Array:
 
 
 class Sample(NamedTuple):
-    """What the sensors of j joints show at one time; SI units."""
+    """Readings of the sensors of j joints at one time; SI units."""
 
     time: float  # s
     position: Array  # (j,)
@@ -122,9 +123,9 @@ class Sample(NamedTuple):
 
 
 class FlowBlock(NamedTuple):
-    """What the samples of BLOCK say of j joints, from `begin` to `time` [s].
+    """Flow balance of j joints over BLOCK, from `begin` to `time` [s].
 
-    An axis of 2 holds what chambers A and B say.
+    An axis of 2 holds chambers A and B.
     """
 
     begin: float
@@ -153,16 +154,14 @@ class FlowBlock(NamedTuple):
 
     @property
     def feeding(self) -> bool:
-        """Whether the pump feeds a joint, by all that is known: else its line may stand at any
-        pressure (`SupplyLine`); and a chamber that sucks oil from the tank draws less.
-        """
+        """Return whether the pump feeds a joint: else its line may stand at any pressure."""
         fed = float(self.drawn.sum()) > FEEDING_DROOP
         return self.metered and fed and not self.surplus
 
 
 @dataclass(frozen=True)
 class KnownFlow:
-    """What the model file says."""
+    """Values of the model file."""
 
     model: Model
     machine: Machine
@@ -177,7 +176,6 @@ class KnownFlow:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """The joints of the model."""
         return self.model.joints
 
     def lengths(self, q: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What a user is told: which sensor, what is wrong, how much, since when, and what to do."""
+"""Messages to a user: which sensor, what is wrong, how much, since when, and the remedy."""
 
 from enum import StrEnum
 from typing import NamedTuple
@@ -8,7 +8,7 @@ COVERED = 1.96  # standard deviations to either side, of 95 %
 
 
 class Wrong(StrEnum):
-    """What is wrong."""
+    """Kind of a sensor fault."""
 
     STUCK = "stuck"
     JUMP = "jump"
@@ -26,7 +26,7 @@ class Wrong(StrEnum):
 
 
 class Part(StrEnum):
-    """What a fault is in."""
+    """Part that has a fault."""
 
     ENCODER = "encoder"
     PRESSURE_A = "pressure A"
@@ -47,9 +47,7 @@ ADVICE = {
         Wrong.NOISE: "look at shield and earth of its cable",
         Wrong.BACKLASH: "tighten its mounting and coupling",
     },
-    Part.PRESSURES: {
-        Wrong.SWAPPED: "change the two plugs over, or their names in the CAN mapping",
-    },
+    Part.PRESSURES: {Wrong.SWAPPED: "change the two plugs over, or their names in the CAN mapping"},
     Part.VALVE: {
         Wrong.STUCK: "stop; look at the valve's plug and its supply, then at its spool",
         Wrong.SLOW: "look at oil temperature and pilot pressure, then at the spool",
@@ -120,7 +118,7 @@ class SensorFinding(NamedTuple):
 
     @property
     def dangerous(self) -> bool:
-        """Whether the position may not be known any more."""
+        """Return whether the position may not be known any more."""
         noisy = self.kind is Wrong.NOISE
         return self.rival is not None or (self.part is Part.ENCODER and not noisy)
 

@@ -75,8 +75,6 @@ class FaultSpan:
 
     @classmethod
     def of(cls, blocks: Sequence[FlowBlock]) -> "FaultSpan":
-        """Of blocks in their order."""
-
         def stacked(name: str) -> Array:
             return np.array([getattr(block, name) for block in blocks])
 
@@ -95,7 +93,7 @@ Moves = Callable[[FaultSpan, int], tuple[Array, Array]]
 
 
 class Signature(NamedTuple):
-    """What a fault of a part adds to residuals, for a size of 1, or for the size `whole`."""
+    """Addition of a fault to residuals, for a size of 1, or for the size `whole`."""
 
     part: Part
     kind: Wrong
@@ -105,7 +103,7 @@ class Signature(NamedTuple):
 
 
 def _encoder(error: Callable[[FaultSpan, int], Array]) -> Moves:
-    """Of an encoder that is off by so much (n,) m in each block: both chambers show it."""
+    """Signature of an encoder that is off by (n,) m in each block: both chambers show it."""
     return lambda span, j: (
         np.repeat(error(span, j)[:, None], 2, axis=1),
         np.zeros(len(span.since)),
@@ -113,7 +111,7 @@ def _encoder(error: Callable[[FaultSpan, int], Array]) -> Moves:
 
 
 def _transducer(side: int, error: Callable[[FaultSpan, int], Array]) -> Moves:
-    """Of a chamber, `error` (n,) Pa at the ends of blocks: by its flow, and its compression."""
+    """Signature of a chamber, `error` (n,) Pa at the ends of blocks: by flow and compression."""
 
     def moves(span: FaultSpan, j: int) -> tuple[Array, Array]:
         shown = error(span, j)
@@ -136,7 +134,7 @@ def _exchanged(span: FaultSpan, j: int) -> tuple[Array, Array]:
 
 
 def _slow(lag: float) -> Moves:
-    """Of a valve whose flow follows by a first-order lag [s]; settled when it begins."""
+    """Signature of a valve whose flow follows by a first-order lag [s]; settled when it begins."""
 
     def moves(span: FaultSpan, j: int) -> tuple[Array, Array]:
         told = span.flow[:, j] / span.duration[:, None]
@@ -158,18 +156,18 @@ def _erratic(span: FaultSpan, j: int) -> Array:
 
 
 def _free(span: FaultSpan, j: int) -> tuple[Array, Array]:
-    """Of a spool that does anything: the encoder is right, and the supply droops by that."""
+    """Signature of an arbitrary spool: the encoder is right, and the supply droops by that."""
     more = np.abs(span.encoder[:, j]) - np.abs(span.went(j))
     return _encoder(_erratic)(span, j)[0], -span.stroke[:, j] * more / span.duration
 
 
 def _open(span: FaultSpan, j: int) -> tuple[Array, Array]:
-    """Of a valve that passes oil whatever its command: the piston goes, and the supply droops."""
+    """Signature of a valve that always passes oil: the piston goes, and the supply droops."""
     return np.repeat(span.duration[:, None], 2, axis=1), -span.stroke[:, j]
 
 
 def _backlash(play: float) -> Moves:
-    """Of an encoder behind a play [m]: it trails the motion by half of it."""
+    """Signature of an encoder behind a play [m]: it trails the motion by half of it."""
 
     def error(span: FaultSpan, j: int) -> Array:
         true = np.cumsum(span.went(j))
@@ -183,9 +181,7 @@ def _backlash(play: float) -> Moves:
 
 
 def signatures() -> Iterator[Signature]:
-    """Of all faults that residuals tell, of two that tell as much the first; not of jumps of
-    encoders, since readings tell those.
-    """
+    """Signatures of all faults in residuals, the first of equal ones; not jumps of encoders."""
     encoder, valve = Part.ENCODER, Part.VALVE
     drift = _encoder(lambda s, j: s.duration * s.lever[:, j] / s.lever[0, j])
     yield Signature(encoder, Wrong.STUCK, "", _encoder(lambda s, j: -s.went(j)), whole=1.0)
@@ -224,18 +220,13 @@ class Suspect(NamedTuple):
 
     @property
     def certain(self) -> bool:
-        """Whether its size is surely not 0; what has no size is."""
+        """Return whether its size is surely not 0; a fault without size is certain."""
         return abs(self.size) > COVERED * self.deviation
 
     @property
     def free(self) -> bool:
-        """Whether it has no course of its own: only the supply discriminates an encoder that shows
-        anything from a valve that does anything.
-        """
-        return (self.part, self.kind) in (
-            (Part.VALVE, Wrong.STUCK),
-            (Part.ENCODER, Wrong.ERRATIC),
-        )
+        """Return whether it has no course of its own, so that only the supply discriminates it."""
+        return (self.part, self.kind) in ((Part.VALVE, Wrong.STUCK), (Part.ENCODER, Wrong.ERRATIC))
 
     @property
     def badness(self) -> float:
@@ -250,7 +241,7 @@ class Suspect(NamedTuple):
 
 @dataclass(frozen=True)
 class Alarm:
-    """What was observed when channels took all of their tolerance."""
+    """Observations when channels took all of their tolerance."""
 
     history: History
     tolerance: Array  # (c, 6)
@@ -294,7 +285,7 @@ def encoder_behind(suspects: Sequence[Suspect]) -> Suspect | None:
     if _supply_says(suspects, best_of(suspects, Part.ENCODER).joint) is Part.VALVE:
         return None
     most = CLEARLY * max(min(suspect.misfit for suspect in suspects), EXPLAINS)
-    # what stands while oil flows needs no size that fits
+    # a fault that stands while oil flows needs no size that fits
     return min(
         (encoder for encoder in encoders if encoder.misfit <= most),
         key=lambda encoder: (encoder.kind is not Wrong.STUCK, encoder.misfit),
@@ -315,14 +306,12 @@ def named(suspects: Sequence[Suspect]) -> Suspect:
 
 
 def outdone(suspect: Suspect, rival: Suspect) -> bool:
-    """Whether another explains the residuals better, and not by chance."""
+    """Return whether the rival explains the residuals better, and not by chance."""
     return suspect.badness > OUTDONE * max(rival.badness, EXPLAINS)
 
 
 def _supply_says(suspects: Sequence[Suspect], joint: str) -> Part | None:
-    """Whether a piston went as its encoder shows, or as the commands of its valve: it lets the
-    supply droop by one of the two. None where that tells nothing.
-    """
+    """Return whether a piston followed its encoder, not its commands; None if not clear."""
     least: dict[Part, float] = {}
     for suspect in suspects:
         if suspect.free and suspect.joint == joint:
@@ -381,9 +370,7 @@ def _tried(alarm: Alarm, oldest: int, back: int) -> list[Suspect]:
 
 
 def _before(data: Array, model: Array, first: Array, whole: float | None) -> Array:
-    """The part of a model (n, c) that is too much, as the fault began within the block that adds
-    `first` (n, c): the share of it that fits the data best.
-    """
+    """Excess of a model (n, c) because the fault began within the block `first` (n, c)."""
     power = float(np.sum(first**2))
     if power == 0.0:
         return first
@@ -421,10 +408,7 @@ def _shapes(span: FaultSpan, alarm: Alarm) -> Iterator[FaultShape]:
             shape[:, :-1] *= known
             shape[:, -1] *= span.feeding
             yield FaultShape(part, alarm.joints[j], kind, unit, whole, shape)
-    for kind, unit, error in (
-        (Wrong.OFFSET, "Pa", np.ones(n)),
-        (Wrong.DRIFT, "Pa/s", span.since),
-    ):
+    for kind, unit, error in ((Wrong.OFFSET, "Pa", np.ones(n)), (Wrong.DRIFT, "Pa/s", span.since)):
         shape = np.zeros((n, count))
         shape[:, :-1] = (span.fed * error[:, None, None]).reshape(n, -1) * known
         shape[:, -1] = error * span.feeding

@@ -65,7 +65,7 @@ class SensorsAlone:
         self._command = command
 
     def add(self, sample: Sample) -> list[SensorFinding]:
-        """What was found by now; of each sensor, what was found first."""
+        """Add a sample; return the first finding of each sensor so far."""
         self._standing.add(sample, self._command)
         if sample.time < self._looked + BLOCK:
             return []
@@ -88,7 +88,6 @@ class SensorsAlone:
         ]  # fmt: skip
 
     def interrupted(self) -> list[SensorFinding]:
-        """Nothing waits."""
         return []
 
 
@@ -154,7 +153,7 @@ class SensorComparison:
         self._blocks.command(stamp, command)
 
     def add(self, sample: Sample) -> list[SensorFinding]:
-        """What this sample brought to light; `DataError` names a sample that is not used."""
+        """Add a sample and return its new findings; `DataError` names a sample that is not used."""
         block = self._blocks.add(sample)
         if block is None:
             return []
@@ -190,9 +189,7 @@ class SensorComparison:
         return self._judged(block)
 
     def interrupted(self) -> list[SensorFinding]:
-        """What an alarm comes to whose readings are not there any more: an encoder that others
-        found, too, is not told from then on.
-        """
+        """End an alarm whose readings stopped; do not report an encoder that others found."""
         if self._waiting is None or self._newest is None:
             return []
         found = self._judged(self._newest)
@@ -251,9 +248,7 @@ class SensorComparison:
         return RivalEncoder(encoder.joint, encoder.kind)
 
     def _refined(self, block: FlowBlock) -> list[SensorFinding]:
-        """The finding of a while ago with what is known by now: the same sensor, unless another
-        explains it clearly better.
-        """
+        """The earlier finding with present data; another sensor only if it is clearly better."""
         if self._again is None:
             return []
         left, before, alarmed, watched = self._again
@@ -329,9 +324,7 @@ class SensorComparison:
             self._watched[-1] = False
 
     def _doubt_leak(self, faulty: Part, joint: int) -> None:
-        """What leaks past a piston is not known any more, once a transducer of it is faulty: the
-        other chamber may creep by all of it.
-        """
+        """Widen the leakage past a piston with a faulty transducer, for the other chamber."""
         circuit = self.physics.circuit
         of_a = faulty is Part.PRESSURE_A
         area = (circuit.area_b if of_a else circuit.area_a)[joint]

@@ -37,11 +37,11 @@ STANDS_FOR = 0.3  # s
 
 
 class ReadingHabits:
-    """Of s sensors: how often a reading repeats the last, and how rough its course is.
+    """Repetition and roughness of the readings of s sensors.
 
-    Roughness is the fourth difference, which a smooth motion hardly has. What is usual is learnt
-    while nothing is wrong. Readings are taken as they were read: between two of them lies no step
-    of the converter, and none of its noise.
+    Roughness is the fourth difference, which a smooth motion hardly has. The usual values are
+    learnt while nothing is wrong. Readings are taken as they were read: between two of them lies no
+    step of the converter, and none of its noise.
     """
 
     def __init__(self, sensors: int, full: float = np.inf):
@@ -62,9 +62,7 @@ class ReadingHabits:
 
     @property
     def stuck(self) -> Flags:
-        """(s,) whether a sensor that flickers has shown one value for LOOKED_AT samples, or for
-        PINNED at its end, where it shows that value of whatever is beyond.
-        """
+        """(s,) whether a flickering sensor has shown one value for LOOKED_AT, or PINNED."""
         flickers = (self._usual_same < REPEATS) & (self._count > FIRST_SAMPLES)
         wanted = np.where(self._last[0] < self._full, LOOKED_AT, PINNED)
         return np.asarray(flickers & (self._same >= wanted))
@@ -104,9 +102,7 @@ def _note(
     shown: Array, count: int, last: Array, roughness: Array, same: NDArray[np.int64],
     usual_rough: Array, usual_same: Array, step: Array,
 ) -> int:  # fmt: skip
-    """Take readings (s,) behind `count` others into the arrays of `ReadingHabits`; 0 if they do not
-    count, else 1.
-    """
+    """Take readings (s,) behind `count` others; return 0 if they do not count, else 1."""
     for value in shown:
         if not math.isfinite(value):
             return 0
@@ -150,13 +146,10 @@ class JumpWatch:
         self.at = np.zeros(sensors)  # (s,) s
 
     def forget(self) -> None:
-        """Those that were told."""
         self.size[:] = 0.0
 
     def add(self, time: float, shown: Array) -> None:
-        """Readings (s,) of one time [s]; those that are no numbers, or of no later time, do not
-        count.
-        """
+        """Readings (s,) of one time [s]; those that are NaN, or of no later time, do not count."""
         if not np.isfinite(shown).all() or time <= self._time[-1]:
             return
         if time - self._time[-1] > READING_GAP:
@@ -170,9 +163,7 @@ class JumpWatch:
 def _judge(
     time: Array, shown: Array, least: Array, size: Array, deviation: Array, at: Array
 ) -> None:
-    """Put a jump of the middle step, of readings (n, s), into `size`, `deviation` and `at` (s,);
-    `least` (s,) is what each encoder resolves: the smallest difference of two steps of it.
-    """
+    """Judge the middle step of readings (n, s); `least` (s,) is the encoders' resolution."""
     lasting = time[1:] - time[:-1]
     for i in range(shown.shape[1]):
         steps = shown[1:, i] - shown[:-1, i]
@@ -219,7 +210,7 @@ class StandingWatch:
 
 
 class ReadingWatch:
-    """Of encoders, chambers A and chambers B of j joints, and of the supply, in this order."""
+    """Watch of encoders, chambers A and B of j joints, and the supply, in this order."""
 
     def __init__(self, joints: Sequence[str], units: Sequence[str]):
         """`units` (j,) of the encoders: rad or m."""
@@ -261,7 +252,7 @@ class ReadingWatch:
         return self._of_all("repeated")
 
     def found(self, time: float) -> list[SensorFinding]:
-        """What is wrong by now [s]."""
+        """Findings by now [s]."""
         stuck, noisy = self._of_all("stuck"), self._of_all("noisy")
         found = self._jumped(time)
         for k, (part, _) in enumerate(self.sensors):

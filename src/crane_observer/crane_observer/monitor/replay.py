@@ -13,18 +13,13 @@ from crane_observer.monitor.blocks import LONGEST_SAMPLE_GAP, KnownFlow, Sample
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.monitor import SensorComparison, SensorsAlone
 from crane_observer.monitor.tolerance import Added, Sums, Tolerance, of_block, summed, unlearnt
-from crane_observer.recording import (
-    CommandReading,
-    EncoderReading,
-    HeardRecording,
-    PressureReading,
-)
+from crane_observer.recording import CommandReading, EncoderReading, HeardRecording, PressureReading
 
 WAITING_PRESSURES = 100  # readings, that wait for an encoder
 
 
 class Heed(Enum):
-    """Whether sensors can be compared."""
+    """Use of sensors in comparisons."""
 
     WAITING = "waits for encoders, pressures and valve commands"
     WATCHING = "compares all sensors"
@@ -158,7 +153,7 @@ class SensorWatch:
 
 
 class WatchedBag(NamedTuple):
-    """What the monitor made of a bag."""
+    """Results of the monitor for a bag."""
 
     bag: Path
     joints: tuple[str, ...]
@@ -171,7 +166,6 @@ class WatchedBag(NamedTuple):
 
     @property
     def largest(self) -> float:
-        """Share of the tolerance that was taken at most."""
         return float(self.taken.max(initial=0.0))
 
 

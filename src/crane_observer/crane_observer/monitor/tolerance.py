@@ -70,9 +70,7 @@ Rows = NDArray[np.int64]
 
 
 class Sums(NamedTuple):
-    """Sums since the beginning at the ends of n blocks; c channels: chambers A and B of each joint
-    from base to tip, and the supply.
-    """
+    """Sums until the ends of n blocks; c channels: A and B of each joint, and the supply."""
 
     time: Array  # (n,) s
     residual: Array  # (n, c) m, for the supply Pa
@@ -84,18 +82,16 @@ class Sums(NamedTuple):
 
     @classmethod
     def zeros(cls, rows: int, channels: int) -> "Sums":
-        """Sums of nothing."""
         residual, path, drop, turned, edge = np.zeros((5, rows, channels))
         trim = np.zeros((rows, channels, TERMS))
         return cls(np.zeros(rows), residual, path, drop, turned, edge, trim)
 
     def channel(self, c: int) -> "Sums":
-        """A channel alone."""
         return Sums(self.time, *(part[:, c : c + 1] for part in self[1:]))
 
 
 class Added(NamedTuple):
-    """What a block adds to `Sums`, but for the time."""
+    """Addition of a block to `Sums`, except for the time."""
 
     residual: Array  # (c,)
     path: Array  # (c,)
@@ -146,7 +142,7 @@ def of_block(block: FlowBlock, trusted: Flags | None = None) -> Added:
 
 
 def summed(times: Sequence[float], added: Sequence[Added]) -> Sums:
-    """Of all blocks of a recording."""
+    """Sums of all blocks of a recording."""
     return Sums(np.array(times), *(np.cumsum(part, axis=0) for part in zip(*added, strict=True)))
 
 
@@ -162,9 +158,7 @@ class History:
         self.since_row = np.zeros(len(trim), dtype=np.int64)  # (c,) no sum begins before it
 
     def add(self, block: FlowBlock, trusted: Flags) -> None:
-        """One block more; the oldest are forgotten. (c,) which transducers are `trusted`: by that
-        of the supply go chambers that it feeds, by theirs the supply.
-        """
+        """Add a block and forget the oldest; (c,) transducers are `trusted`."""
         if not trusted[-1]:
             block = block._replace(known=block.known & (block.fed == 0.0))
         if self.newest + 1 == 2 * KEPT_BLOCKS:
@@ -187,30 +181,23 @@ class History:
         self.since_row[channels] = self.newest
 
     def since(self, row: int) -> Sequence[FlowBlock]:
-        """The blocks behind a row."""
         return self._blocks[row + 1 : self.newest + 1]
 
     def known_since(self, onset: float) -> Flags:
-        """(j, 2) the chambers whose flow was known in every block that began at `onset` [s] or
-        later.
-        """
+        """(j, 2) chambers whose flow was known in every block since `onset` [s]."""
         joints = len(self.since_row) // 2
         known = [block.known for block in self._blocks[: self.newest + 1] if block.begin >= onset]
         return np.all(np.reshape(known, (-1, joints, 2)), axis=0)
 
 
 def between(tolerance: Array, sums: Sums, begin: Rows, end: Rows) -> tuple[Array, Array]:
-    """(n, c) how far sums went between rows (n,), and how far they may by tolerances (c, 6), or
-    (6,) that all share.
-    """
+    """(n, c) growth of sums between rows (n,), and its limits by tolerances (c, 6) or (6,)."""
     moved, by = grown(sums, begin, end)
     return moved, np.asarray((by * tolerance).sum(axis=-1))
 
 
 def grown(sums: Sums, begin: Rows, end: Rows) -> tuple[Array, Array]:
-    """(n, c) how far sums went between rows (n,), and (n, c, 6) what floor, share, zero,
-    creep, late and edge are multiplied by.
-    """
+    """(n, c) growth of sums between rows (n,), and (n, c, 6) the factors of tolerances."""
 
     def change(array: Array) -> Array:
         return np.abs(array[end] - array[begin])
@@ -229,9 +216,7 @@ def within(tolerance: Array, sums: Sums, begin: Rows, end: Rows) -> Array:
 
 
 def excess(tolerance: Array, history: History) -> tuple[Array, Array]:
-    """(c,) the largest share of its tolerance that a sum of each channel takes up to the newest
-    block, and the number of blocks over which it does.
-    """
+    """(c,) largest share of each tolerance taken by the newest sum, and over how many blocks."""
     sums, now = history.sums, history.newest
     spans = SUM_SPANS[now >= SUM_SPANS]
     if not len(spans):
@@ -254,7 +239,7 @@ def taken(tolerance: Array, sums: Sums) -> Array:
 
 
 class JointTolerance(Schema):
-    """Of both chambers of a joint: A, B. First the tolerance, then what is taken off."""
+    """Tolerances of both chambers of a joint, A and B, and the values subtracted before."""
 
     floor: tuple[Positive, Positive]  # m
     share: tuple[NonNegative, NonNegative]  # of the path
@@ -277,7 +262,7 @@ TOLERANCE_FIELDS, TRIM_FIELDS = FIELDS[: len(LEAST)], FIELDS[len(LEAST) :]
 
 
 class SupplyTolerance(Schema):
-    """Of the supply."""
+    """Tolerance of the supply."""
 
     floor: Positive  # Pa, summed over blocks
     share: NonNegative  # of the droop
@@ -285,7 +270,7 @@ class SupplyTolerance(Schema):
 
 
 class Tolerance(Schema):
-    """Of a machine on the day of the recordings that it was learnt from; a file of its own."""
+    """Tolerances of a machine on the day of the recordings that they were learnt from."""
 
     provenance: str
     joints: dict[str, JointTolerance]
@@ -382,12 +367,12 @@ def learn(joints: Sequence[str], recordings: Sequence[Sums], provenance: str) ->
 
 
 def level(largest: Array, windows: float) -> float:
-    """What a statistic exceeds once in `windows`, told from the largest (n,) in each of n.
+    """Level that a statistic exceeds once in `windows`, from the largest (n,) in each of n.
 
-    What exceeds a high threshold u is distributed exponentially beyond it (the generalized Pareto
+    Values above a high threshold u are distributed exponentially beyond it (the generalized Pareto
     law of shape 0, to which the maxima of most distributions come: Pickands 1975), so that once in
     N windows it exceeds u + m log(N s), with s the share of windows above u, and m their mean
-    excess over it. `ValueError` unless there is one.
+    excess over it. `ValueError` if no level exists.
     """
     if not len(largest):
         raise ValueError("level: no window to tell it from; at least one is wanted")
@@ -478,9 +463,7 @@ def _robust(residual: Array, columns: Array) -> Array:
 
 
 def _row(recordings: Sequence[Sums], at_least: tuple[float, ...]) -> tuple[float, ...]:
-    """Floor, share, zero, creep, late and edge of a channel: of all that hold what was seen,
-    those that allow least beside the least, in short and long spans alike.
-    """
+    """Tolerances (6,) of a channel that hold all that was seen and allow least."""
     least = np.array(at_least)
     cost, beyond, asked = np.zeros(len(least)), [], []
     for span in SUM_SPANS.tolist():

@@ -1,4 +1,4 @@
-"""What the managed nodes of this package share: lifecycle, ordered messages, a report a second."""
+"""Common parts of the managed nodes: lifecycle, ordered messages, a report a second."""
 
 from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -35,9 +35,7 @@ LARGEST_LEAD = 0.05  # s, by which simulated time may be ahead: the driver moves
 
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 
 
@@ -76,7 +74,6 @@ class InOrder(Generic[M]):
         self._newest: dict[int, int] = {}  # ns, by topic
 
     def add(self, stamp: int, topic: int, message: M) -> None:
-        """It has come."""
         self._held.append(Stamped(stamp, topic, message))
         self._newest[topic] = max(stamp, self._newest.get(topic, stamp))
 
@@ -153,7 +150,7 @@ def _joint(finding: SensorFinding) -> str:
 
 
 def load_message(payload: PayloadEstimate, zero: int) -> TipLoad:
-    """What hangs at the tip; its time counts from `zero` [ns]."""
+    """Message of the payload; its time counts from `zero` [ns]."""
     load = payload.load
     message = TipLoad(
         load=load.mass,
@@ -207,15 +204,13 @@ class ObserverNode(LifecycleNode):
         raise NotImplementedError
 
     def begin(self) -> None:
-        """Before anything is heard."""
         raise NotImplementedError
 
     def end(self) -> None:
-        """After everything was heard."""
         raise NotImplementedError
 
     def counts(self, topic: HeardTopic, message: Any) -> bool:
-        """Whether a message that has just come is to be taken."""
+        """Return whether a message that has just come is to be taken."""
         return True
 
     def take(self, stamp: int, topic: HeardTopic, message: Any) -> None:
@@ -262,7 +257,6 @@ class ObserverNode(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Another model may be read."""
         self._configured = False
         return super().on_cleanup(state)
 

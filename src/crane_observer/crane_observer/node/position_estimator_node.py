@@ -42,9 +42,7 @@ POSITION_SILENCE = 0.5  # s without pressures, after which they are reported as 
 POSITION_WAIT = 20_000_000  # ns, that a topic is waited for: what is told late moves no joint
 UNNOTICED = 1.0  # s, for which an encoder may have been wrong before the driver says so
 ALL_LATCHED = QoSProfile(
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 DRIVER_STATE = HeardTopic("driver/state", DriverState, ALL_LATCHED)
 HEARD = (DRIVER_STATE, JOINT_STATES, PRESSURES, COMMANDS, OUTPUTS)
@@ -82,7 +80,7 @@ PARAMETERS: tuple[NodeParameter, ...] = (
 
 @dataclass(frozen=True)
 class EstimatorStart:
-    """What a position estimator begins from."""
+    """Start of a position estimator."""
 
     model: Model
     hidden: Flags  # (j,) joints whose encoders are not to be used
@@ -92,9 +90,7 @@ class EstimatorStart:
 
 
 class PositionHearing:
-    """From messages to a position estimator, which it makes with the first that says where the
-    crane is.
-    """
+    """Messages to a position estimator, made with the first that shows the pose."""
 
     def __init__(self, start: EstimatorStart):
         self.estimator: PositionEstimator | None = None
@@ -106,9 +102,7 @@ class PositionHearing:
         self._zero = 0
 
     def take(self, stamp: int, message: Heard, sent: bool) -> WindowEstimate | None:
-        """What a message completes; `sent`: by the driver to the valves, which is believed rather
-        than what was asked.
-        """
+        """Add a message; `sent`: by the driver to the valves, which precedes requested commands."""
         joints = self._start.model.joints
         match message:
             case JointState():
@@ -155,7 +149,7 @@ class PositionHearing:
         self._lost = lost
 
     def _command(self, stamp: int) -> None:
-        """What reaches the valves from now on."""
+        """Apply the present commands of the valves from now on."""
         if self.estimator is not None:
             through = self._outputs_heard or not self._closed
             reaching = self._commanded if through else np.zeros_like(self._commanded)
@@ -219,22 +213,18 @@ class PositionEstimatorNode(ObserverNode):
         )
 
     def begin(self) -> None:
-        """From where the crane is said to be."""
         self._hearing, self._told = PositionHearing(self._start), None
         self._pressed = self.clock.now()
 
     def end(self) -> None:
-        """Where the crane is has to be found anew."""
         self._hearing = None
 
     def counts(self, topic: HeardTopic, message: Heard) -> bool:
-        """All do."""
         if topic is PRESSURES:
             self._pressed = self.clock.now()
         return True
 
     def take(self, stamp: int, topic: HeardTopic, message: Heard) -> None:
-        """Tell where the joints are after a window."""
         assert self._hearing is not None
         told = self._hearing.take(stamp, message, sent=topic is OUTPUTS)
         if told is None:

@@ -72,7 +72,6 @@ class SensorMonitorNode(ObserverNode):
         self._publish()
 
     def end(self) -> None:
-        """What was found is forgotten."""
         self._watch = None
 
     def counts(self, topic: HeardTopic, message: Heard) -> bool:
@@ -81,13 +80,12 @@ class SensorMonitorNode(ObserverNode):
         return not (self._outputs_heard and topic is COMMANDS)
 
     def take(self, stamp: int, topic: HeardTopic, message: Heard) -> None:
-        """What was found."""
         for finding in self._found(self.seconds(stamp), message):
             self.get_logger().error(str(finding))
             self._publish()
 
     def report(self, status: DiagnosticStatus) -> None:
-        """What was found, or how near it is."""
+        """Report the findings, or the distance to the nearest one."""
         assert self._watch is not None
         if findings := self._watch.monitor.findings:
             status.level = DiagnosticStatus.ERROR

@@ -79,9 +79,7 @@ class LoadedMechanics:
         return cls(model, machine, columns, tip)
 
     def cylinders(self, q: Array) -> Array:
-        """(n, j) coordinates to (n, j, 3): length, lever arm and its derivative; NaN where a
-        linkage cannot be assembled.
-        """
+        """(n, j) to (n, j, 3): length, lever arm and its derivative; NaN if impossible."""
         joints = self.model.joints
         parts = [self.machine.cylinder(joint, q[:, j]) for j, joint in enumerate(joints)]
         return np.stack(parts, axis=1)
@@ -133,7 +131,7 @@ class LoadedMechanics:
 
 @dataclass(frozen=True)
 class Known:
-    """What the filter knows of j joints."""
+    """State of the filter for j joints."""
 
     mechanics: LoadedMechanics
     circuit: Circuit
@@ -164,7 +162,7 @@ class Known:
             resolution,
             trust,
             flow,
-            # what flow deviates by is mostly noise where it is little
+            # the deviation of a small flow is mostly noise
             null_deviation(model, trust.null * flow**2),
             assumed,
         )
@@ -205,7 +203,7 @@ class Known:
 
 
 class Stroke(NamedTuple):
-    """Of j cylinders, both chambers together."""
+    """Strokes of j cylinders, both chambers together."""
 
     stroke: Array  # (j,) m, by the flow that the model has
     by_null: Array  # (j,) m for a null of 1
@@ -217,7 +215,7 @@ class Stroke(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """Where the joints come to."""
+    """New positions of the joints."""
 
     displacement: Array  # (j,) rad, m
     slopes: Array  # (j, size) of the new coordinates against the states before
@@ -314,13 +312,10 @@ class Resting:
 
     @property
     def all_stand(self) -> bool:
-        """Whether every joint is held."""
         return bool((self._rested > COMING_TO_REST).all())
 
     def judge(self, before: Array, after: Array, doubt: Array, opened: Flags) -> Motions:
-        """From velocities (j,) in two windows, how far they may be off (j,), and which valves were
-        open (j,).
-        """
+        """Possible errors (j,) of velocities (j,) in two windows, and the open valves (j,)."""
         slowest = np.minimum(np.abs(before), np.abs(after))
         change = np.abs(after - before)  # where it is as fast, it may have turned between
         least = np.maximum.reduce([self._known.standing, change, CLEAR_MOTION * doubt])
@@ -365,7 +360,7 @@ class Pair(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """Of both [s]."""
+        """Duration of both [s]."""
         return self.first.duration + self.second.duration
 
     @property
@@ -391,9 +386,7 @@ class Pair(NamedTuple):
 
     @property
     def force(self) -> Array:
-        """(j,) of the pistons [N]: a difference of mean velocities is the mean acceleration of what
-        is between, under a triangle, and so is this.
-        """
+        """(j,) forces of the pistons [N], averaged under a triangle as the acceleration is."""
         rising = self.first.sums["moment"] / self.first.duration
         second = self.second.sums
         falling = second["impulse"] - second["moment"] / self.second.duration
@@ -409,7 +402,6 @@ class BalanceRows(NamedTuple):
     often: Array  # (r,) how often a row is said over
 
     def of(self, rows: Flags) -> "BalanceRows":
-        """Some of the rows."""
         noise = self.noise[np.ix_(rows, rows)]
         return BalanceRows(self.H[rows], self.innovation[rows], noise, self.often[rows])
 
@@ -461,7 +453,7 @@ def balance_rows(
     unsure = np.where(guessed, np.abs([balance.viscous, pair.acceleration]), 0.0)
     unsure = ASSUMED_VALVE.gain_doubt * unsure
     noise = noise + unsure[0] ** 2 + mass**2 @ unsure[1] ** 2
-    # what is not linear in a pose that is not known
+    # nonlinear part in a pose that is not known
     spread = np.diag(P)[layout.position]
     noise = noise + (balance.load_slope**2 @ spread) * P[layout.load, layout.load]
     noise = noise + 0.5 * (lever * force) ** 2 * (spread**2).sum()

@@ -36,7 +36,7 @@ LARGEST_SHOWN = 25e6  # Pa, by a transducer whose range nobody states
 
 
 class EstimatorCondition(Enum):
-    """What is wrong with the readings; the estimate goes on as well as it can."""
+    """Fault of the readings; the estimate goes on as well as it can."""
 
     WAITING = "waiting for pressures"
     GOOD = "good"
@@ -55,7 +55,7 @@ class EstimatorCondition(Enum):
 
 
 class WindowEstimate(NamedTuple):
-    """What the estimator tells after a window of j joints."""
+    """Result of a window of j joints."""
 
     estimate: PoseEstimate
     condition: EstimatorCondition
@@ -123,7 +123,7 @@ class PositionEstimator:
 
     @property
     def hypotheses(self) -> Hypotheses:
-        """What is known after the last window."""
+        """Hypotheses after the last window."""
         return self._hypotheses
 
     @property

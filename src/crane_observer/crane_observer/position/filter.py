@@ -54,7 +54,7 @@ ALIKE_DEVIATIONS = 2.0  # within which two hypotheses are one
 
 
 class Surprise:
-    """Whether innovations ask for another load: a two-sided CUSUM of their projection on it.
+    """Test whether innovations ask for another load: a two-sided CUSUM of their projection on it.
 
     The sums are replaced and never written to.
     """
@@ -120,7 +120,6 @@ class Filter:
         return copied
 
     def step(self, window: FlowWindow) -> PoseEstimate:
-        """After one more window."""
         layout, begun = self.known.layout, self.position.copy()
         self._drift(window)
         found = moved(self.known, self.state.x, self.position, window)
@@ -153,7 +152,7 @@ class Filter:
         )
 
     def _drift(self, window: FlowWindow) -> None:
-        # what the model lacks in a pose stays while no joint leaves it
+        # the model error in a pose stays while no joint leaves it
         decay = np.exp(-(0.0 if self._resting.all_stand else window.duration) / self._stay)
         added = (1.0 - decay**2) * self._spread**2
         added[self.known.layout.load] = self.known.load_drift**2 * window.duration
@@ -198,9 +197,9 @@ class Filter:
         return surprised
 
     def _hide(self, balance: ForceBalance, load: Array, covariance: Array) -> None:
-        """Where all joints stand, a load may come that dry friction holds. It stays hidden until
-        joints that move have told as much: `load` (r,) asked by 1 kg of those, with the
-        `covariance` (r, r) of what they say.
+        """Hide a load that dry friction may hold while all joints stand. It stays hidden until
+        joints that move have shown as much: `load` (r,) asked by 1 kg of those, with the
+        `covariance` (r, r) of their estimate.
         """
         if self._resting.all_stand:
             hiding = balance.dry / np.maximum(np.abs(balance.load), SMALLEST)
@@ -243,9 +242,7 @@ class Observability:
 
 
 def refuse_unserved(model: Model, hidden: Flags) -> list[str]:
-    """Warnings about joints that their weight alone serves, of those whose encoders are `hidden`
-    (j,); `ConfigurationError` if one of these cannot be served.
-    """
+    """Warnings about `hidden` joints (j,) served by weight alone; `ConfigurationError` if none."""
     known = Known.of(model, np.zeros(len(model.joints)))
     by_weight = hidden & known.assumed
     names = [joint for joint, served in zip(model.joints, by_weight, strict=True) if served]

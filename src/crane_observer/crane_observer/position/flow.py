@@ -1,4 +1,4 @@
-"""What flows into the chambers over a window of some samples, in compiled code.
+"""Flow into the chambers over a window of some samples, in compiled code.
 
 Commands are followed through the valves as in `crane_model.hydraulics.stepping`; the flow through
 the metering edges is that at the measured pressures. Sums of a window do not depend on the pose.
@@ -128,7 +128,7 @@ FLOW_SUMS = np.dtype(
 )
 """Sums over a window of a joint; those of two are of the chambers A and B."""
 SPOOL = np.dtype([("position", float), ("rate", float), ("edge", float)])
-"""Where a spool stands, how fast it moves, and where its edges are behind its play."""
+"""Position and velocity of a spool, and positions of its edges behind its play."""
 
 PARTS_PER_INTERVAL = 4  # between two samples, in each of which a spool is taken to stand
 HELD_COMMANDS = 512  # some seconds of them, in which pressures may be lost
@@ -138,7 +138,7 @@ FULL_SCALE_SHARE = 0.999  # of the largest pressure shown, which may then be any
 
 
 class Spools(NamedTuple):
-    """Of the valves of j joints; see `crane_model.hydraulics`."""
+    """Spools of the valves of j joints; see `crane_model.hydraulics`."""
 
     sense: Array  # (j,) +1 where extending the cylinder moves the joint in its positive direction
     delay: Array  # (j,) s
@@ -174,7 +174,6 @@ class Commands(NamedTuple):
 
     @classmethod
     def none(cls, joints: int) -> "Commands":
-        """Before the first."""
         stamp = np.full(HELD_COMMANDS, -np.inf)
         return cls(stamp, np.zeros((HELD_COMMANDS, joints)), np.zeros(1, dtype=np.int64))
 
@@ -185,7 +184,7 @@ class Commands(NamedTuple):
         self.came[0] += 1
 
     def reach(self, time: float) -> bool:
-        """Whether all that were in force since `time` [s] are still held."""
+        """Return whether all commands in force since `time` [s] are still held."""
         return int(self.came[0]) <= HELD_COMMANDS or float(self.stamp.min()) <= time
 
 

@@ -44,7 +44,7 @@ ONLINE_COLOR, SMOOTHED_COLOR = "tab:blue", "tab:orange"
 
 
 class KnownLater:
-    """What is known at a moment with all that came later; at first nothing came."""
+    """Knowledge at a moment from all later data; at first there are none."""
 
     def __init__(self, size: int):
         self._d, self._S, self._N = np.zeros(size), np.eye(size), np.zeros((size, size))
@@ -55,7 +55,6 @@ class KnownLater:
         return Gaussian(state.x + self._d, 0.5 * (P + P.T), state.estimated)
 
     def back(self, step: Prediction | Correction) -> None:
-        """Go to before a step."""
         if isinstance(step, Correction):
             kept, noise = closed(step.before.P, step.H, step.variance, step.before.estimated)
             self._N = self._N + self._S @ noise @ self._S.T
@@ -129,8 +128,6 @@ class Past:
 
 
 class _Mark(NamedTuple):
-    """After a window."""
-
     steps: int  # that were kept until then
     state: Gaussian
     told: PoseEstimate
@@ -178,7 +175,7 @@ def _smoothed(mark: _Mark, smoothed: Gaussian, of: Filter) -> PoseEstimate:
 
 
 class EstimatedCourse(NamedTuple):
-    """What the estimator told at n times, of j joints."""
+    """Estimates at n times, of j joints."""
 
     time: Array  # (n,) s
     position: Array  # (n, j)
@@ -193,7 +190,6 @@ class EstimatedCourse(NamedTuple):
 
     @classmethod
     def of(cls, told: Sequence[WindowEstimate]) -> "EstimatedCourse":
-        """From what was told after each window."""
         poses = [window.estimate for window in told]
         deviation = np.array([pose.deviation for pose in poses])
 
@@ -222,9 +218,7 @@ def replay_smoothed(
     hidden: Flags,
     watch: Callable[[float], None] = lambda _: None,
 ) -> tuple[EstimatedCourse, EstimatedCourse]:
-    """As `replay`, and what the estimator would have told, had it known all that came later;
-    `watch` is told the time [s] of each window when it is done.
-    """
+    """As `replay`, with all that came later, too; `watch` gets each window's time [s]."""
     past, told = Past(estimator.hypotheses), []
     for window in _told(estimator, recording, hidden):
         told.append(window)

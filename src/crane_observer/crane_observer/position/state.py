@@ -1,4 +1,4 @@
-"""What is estimated, how far it is trusted, and the belief in it: an extended Kalman filter."""
+"""State of the position estimator and the belief in it: an extended Kalman filter."""
 
 import math
 from copy import copy
@@ -25,7 +25,7 @@ MISSING_LOAD = 10.0  # kg that may be missing at the tip, of what the model has 
 
 
 class FlowWindow(NamedTuple):
-    """What was measured of j joints in a window of time."""
+    """Measurements of j joints in a window of time."""
 
     time: float  # s, at its end
     duration: float  # s
@@ -38,7 +38,7 @@ class FlowWindow(NamedTuple):
 
 
 class PoseEstimate(NamedTuple):
-    """What is known of j joints after a window."""
+    """Pose of j joints after a window."""
 
     time: float  # s
     position: Array  # (j,)
@@ -54,7 +54,7 @@ class PoseEstimate(NamedTuple):
 
 
 class StateLayout(NamedTuple):
-    """Where the states of j joints stand in a vector of `size`; slices are by joint.
+    """Places of the states of j joints in a vector of `size`; slices are by joint.
 
     The last two kinds are not estimated but considered.
     """
@@ -75,7 +75,6 @@ class StateLayout(NamedTuple):
 
     @classmethod
     def of(cls, joints: int) -> "StateLayout":
-        """Return the layout for a number of joints."""
         estimated = cls._fields[1 : cls._fields.index("load")]
         load = len(estimated) * joints
         begins = {name: kind * joints for kind, name in enumerate(estimated)}
@@ -116,9 +115,7 @@ class Trust:
 
     @classmethod
     def of(cls, model: Model) -> "Trust":
-        """As far as the model deserves it: standard deviations of friction tell how far (13) is
-        from the machine, since they hold what the law does not explain.
-        """
+        """Trust in the model: standard deviations of friction show how far (13) is off."""
         doubts = [0.0]
         for term, part in zip(model.terms, map(model.part, model.terms), strict=True):
             if not term.is_friction() or model.std_devs is None:
@@ -135,9 +132,7 @@ class Trust:
         return replace(self, **{name: share * getattr(self, name) for name in blamed})
 
     def spread(self, layout: StateLayout) -> Array:
-        """(size,) standard deviations of states of which nothing is known; 0 of positions and load,
-        which come with the start.
-        """
+        """(size,) standard deviations of unknown states; 0 of positions and load."""
         found = np.zeros(layout.size)
         found[layout.extending] = found[layout.retracting] = self.gain
         found[layout.null] = self.null
@@ -159,9 +154,7 @@ class Trust:
 
 
 def flow_share(model: Model) -> Array:
-    """(j,) share of the deviations of flow: as much as identification left unexplained, if that is
-    more than noise.
-    """
+    """(j,) share of the flow that identification left unexplained, if more than noise."""
     assert model.hydraulics is not None  # or the error that names the remedy
     joints = [model.hydraulics.joints[joint] for joint in model.joints]
     noise = [joint.lack_of_fit is not None and joint.lack_of_fit > NOISE_PROBABILITY
@@ -171,9 +164,7 @@ def flow_share(model: Model) -> Array:
 
 
 def null_deviation(model: Model, least: Array) -> Array:
-    """(j,) of the stroke: by which either null may be off, from the standard deviations of dead
-    zones and play, and `least` (j,) beside these.
-    """
+    """(j,) possible error of either null, by dead bands and play, and `least` (j,) besides."""
     assert model.hydraulics is not None  # or the error that names the remedy
     valves = [model.hydraulics.joints[joint].valve for joint in model.joints]
     dead_a, dead_b, play = (
@@ -196,9 +187,7 @@ def relax(x: Array, P: Array, decay: Array, added: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def carry(P: Array, rows: NDArray[np.int64], slopes: Array) -> None:
-    """P' = F P F^T in place, where F is the identity but for `rows`, whose whole `slopes` (r, n)
-    are given; no row of these depends on another of them but itself.
-    """
+    """P' = F P F^T in place; F is the identity but for independent `rows` (`slopes` (r, n))."""
     n = len(P)
     for r in range(len(rows)):
         i = rows[r]
@@ -305,25 +294,21 @@ class KeptGaussian(Gaussian):
         self.steps: list[Prediction | Correction] = []
 
     def relax(self, decay: Array, added: Array) -> None:
-        """And keep it."""
         before = self.now()
         super().relax(decay, added)
         self.steps.append(Prediction(before, np.diag(decay), self.now()))
 
     def move(self, displacement: Array, slopes: Array, noise: Array) -> None:
-        """And keep it."""
         before, F = self.now(), np.eye(len(self.x))
         super().move(displacement, slopes, noise)
         F[: len(displacement)] = slopes
         self.steps.append(Prediction(before, F, self.now()))
 
     def correct(self, H: Array, innovation: Array, variance: Array) -> float:
-        """And keep it."""
         before = self.now()
         likelihood = super().correct(H, innovation, variance)
         self.steps.append(Correction(before, H, variance, self.now()))
         return likelihood
 
     def now(self) -> Gaussian:
-        """As it stands."""
         return Gaussian(self.x.copy(), self.P.copy(), self.estimated)

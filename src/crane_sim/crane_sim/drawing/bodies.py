@@ -29,7 +29,7 @@ _CORNERS = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
 
 
 class Material(StrEnum):
-    """What parts are made of."""
+    """Material of parts."""
 
     PAINT = "paint"
     STEEL = "steel"
@@ -126,7 +126,7 @@ def _add(body: mujoco.MjsBody, kind: mujoco.mjtGeom, material: Material, **shape
     body.add_geom(type=kind, material=material, mass=0.0, contype=0, conaffinity=0, **shape)
 
 
-# Where the pins of both boom linkages are: points of the sagittal plane.
+# Pins of both boom linkages: points of the sagittal plane.
 #
 # Points are (2,) arrays: radius from the slew axis and height [m]. They are constructed from
 # lengths and directions, the outer boom's four-bar by intersecting circles, apart from the closed
@@ -149,7 +149,7 @@ class Pins(NamedTuple):
 
 
 def forwarder(machine: Machine) -> bool:
-    """Whether it is a crane as of the report: a slew, two booms with its linkages, a telescope."""
+    """Return whether it is a crane as in the paper: a slew, two booms, a telescope."""
     planar = machine.planar
     if planar is None or len(machine.joints) != 1 + len(planar.joints):
         return False
@@ -163,14 +163,14 @@ def forwarder(machine: Machine) -> bool:
 
 
 def triangle(machine: Machine) -> TriangleCylinder:
-    """What raises the inner boom of a `forwarder`."""
+    """Linkage that raises the inner boom of a `forwarder`."""
     actuator = machine.actuators[machine.as_planar().joints[0]]
     assert isinstance(actuator, TriangleCylinder)
     return actuator
 
 
 def four_bar(machine: Machine) -> FourBarCylinder:
-    """What moves the outer boom of a `forwarder`."""
+    """Linkage that moves the outer boom of a `forwarder`."""
     actuator = machine.actuators[machine.as_planar().joints[1]]
     assert isinstance(actuator, FourBarCylinder)
     return actuator
@@ -215,7 +215,7 @@ def pins(machine: Machine, q: np.ndarray) -> Pins:
     )
 
 
-# What the bodies of the crane look like: base, pillar, booms, telescope and gripper.
+# Shapes of the bodies of the crane: base, pillar, booms, telescope and gripper.
 #
 # Pins, lengths and cylinder diameters are those of the machine file; the sizes of plates and beams
 # are drawn to fit a crane of this size. Sideways, from the middle out: cylinder; inner boom; links
@@ -416,7 +416,7 @@ def add_moving_parts(spec: mujoco.MjSpec, machine: Machine) -> None:
 
 
 def placements(pins: Pins) -> Iterator[Placement]:
-    """Where each part is, given the pins."""
+    """Placement of each part, given the pins."""
     yield _between("inner_boom_barrel", pins.inner_base, pins.inner_eye)
     yield _between("inner_boom_rod", pins.inner_eye, pins.inner_base)
     yield _between("outer_boom_barrel", pins.outer_base, pins.outer_eye)

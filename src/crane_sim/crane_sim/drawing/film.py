@@ -19,10 +19,9 @@ from crane_model.machine import Machine
 from crane_model.progress_bar import progress_bar
 from crane_sim.drawing.picture import find_backend
 from crane_sim.drawing.scene import FINENESS, Canvas, Scene
-from crane_sim.options import add_plant, load_both
-from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim.parts.parameters import SimulatedCrane, add_plant, load_both
 
-# What a film shows of a bag: where the joints were at each picture, and where they should be.
+# Content of a film: measured and commanded positions of the joints at each picture.
 
 MIN_SHOWN_MOTION = 0.02  # rad, m: a joint that has moved less is not worth a curve
 
@@ -196,8 +195,6 @@ QUALITY, EFFORT = 60, 4  # of WebP: 0 to 100, 0 to 6
 
 @dataclass(frozen=True)
 class _Request:
-    """The command line."""
-
     bag: Path
     out: Path
     begin: float  # s

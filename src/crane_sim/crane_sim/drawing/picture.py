@@ -10,7 +10,7 @@ from crane_model import cli
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import parse_pose
 from crane_model.progress_bar import progress_bar
-from crane_sim.options import add_plant, load_both
+from crane_sim.parts.parameters import add_plant, load_both
 
 # Which OpenGL draws without a display. Imports nothing that needs one, so that it can explain.
 
@@ -55,8 +55,6 @@ COLOURS = 256  # of the palette, which keeps the file small
 
 @dataclass(frozen=True)
 class _Request:
-    """The command line."""
-
     out: Path
     pose: Sequence[str]
     size: Sequence[int]  # pixels: width, height

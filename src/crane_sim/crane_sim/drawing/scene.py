@@ -1,7 +1,6 @@
 """The machine with its surroundings, in any pose: what pictures and the viewer show."""
 
 import math
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import mujoco
@@ -118,11 +117,7 @@ class Scene:
         for part in placements(pins(self._machine, q)):
             slot = self.model.body(part.name).mocapid[0]
             radius, height = part.origin
-            self.data.mocap_pos[slot] = (
-                radius * math.cos(q[0]),
-                radius * math.sin(q[0]),
-                height,
-            )
+            self.data.mocap_pos[slot] = (radius * math.cos(q[0]), radius * math.sin(q[0]), height)
             mujoco.mju_mulQuat(self.data.mocap_quat[slot], turn, np.array(raised(part.angle)))
 
     def camera(self, aspect: float) -> mujoco.MjvCamera:
@@ -229,7 +224,7 @@ def gl_context(width: int, height: int) -> Any:
 
 
 class Canvas:
-    """Where a scene is drawn, within a `with` block, as often as it changes."""
+    """Canvas of a scene, within a `with` block, drawn as often as it changes."""
 
     def __init__(self, scene: Scene, width: int, height: int):
         """`scene` was made for this size [pixels] or a larger one."""
@@ -247,12 +242,7 @@ class Canvas:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._renderer.free()
         self._context.free()
 

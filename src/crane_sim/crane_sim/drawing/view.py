@@ -13,7 +13,7 @@ from crane_model import cli
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine, parse_pose
 from crane_sim.drawing.scene import Scene
-from crane_sim.options import add_plant, load_both
+from crane_sim.parts.parameters import add_plant, load_both
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 
 FRAME_S = 1 / 60
@@ -65,8 +65,6 @@ def show(scene: Scene, motion: Motion) -> None:
 
 @dataclass(frozen=True)
 class _Request:
-    """The command line."""
-
     pose: Sequence[str]
     trajectory: Path | None
     plant: Path | None

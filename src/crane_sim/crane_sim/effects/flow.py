@@ -67,7 +67,6 @@ def _overlapped(law: int, value: np.ndarray, x: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _trailing(law: int, value: np.ndarray, memory: np.ndarray, spool: float) -> float:
-    """Where the edges stand that trail the spool."""
     half, share = 0.5 * value[0], value[1]
     edges = min(max(memory[0], spool - half), spool + half)
     if law == TWO_PLAYS:  # one after the other

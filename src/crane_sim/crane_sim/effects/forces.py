@@ -56,7 +56,7 @@ def push(injected: Injected, k: int, i: int, state: State) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _where_it_stands(injected: Injected, k: int, q: float, v: float) -> float:
-    """Of a law that follows the place within the range of the joint."""
+    """Force that depends on the position within the range of the joint."""
     law, value = injected.law[k], injected.value[k]
     size = value[0]
     place = (q - injected.middle[k]) / injected.half[k]

@@ -60,7 +60,7 @@ def unscaled(simulated: SimulatedCrane, joint: str) -> float:
 
 
 class Magnitude(NamedTuple):
-    """The parameter that is set so that the effect has the wanted strength.
+    """The parameter that is set so that the effect has the wanted relative magnitude.
 
     Calibration begins at `start` and refuses to go beyond `highest`, both in units of `of`. In
     `unit`, {force} and {coordinate} stand for N m and rad, on a joint that slides for N and m.
@@ -91,9 +91,7 @@ class Draw(NamedTuple):
 
 
 class Where(Enum):
-    """On which joints an effect can act, of those whose pressures are measured; or on none of
-    them by itself, but on the whole of certain machines.
-    """
+    """Joints an effect can act on, of those with measured pressures, or whole machines."""
 
     ANY = "a joint"
     TURNING = "a joint that turns"
@@ -122,11 +120,10 @@ class Where(Enum):
 
     @property
     def whole(self) -> bool:
-        """Whether no joint is to be named."""
         return self in (Where.WHOLE, Where.SLEWING, Where.TELESCOPIC)
 
     def fits(self, machine: Machine) -> bool:
-        """Whether there is such a joint, or it is such a machine."""
+        """Return whether there is such a joint, or it is such a machine."""
         first = machine.joint_names[0]
         match self:
             case Where.WHOLE:
@@ -152,7 +149,6 @@ class Form(NamedTuple):
     signed: bool = False  # its magnitude may as well be negative, which is drawn too
 
     def unit(self, text: str, machine: Machine, joint: str | None) -> str:
-        """The unit of a parameter on a joint."""
         coordinate = machine.units[joint] if joint else "rad"
         return text.format(force="N" if coordinate == "m" else "N m", coordinate=coordinate)
 
@@ -163,7 +159,7 @@ class InjectedForm(NamedTuple):
     form: Form
     joint: str | None
     values: tuple[float, ...]
-    requested: float | None = None  # strength that was asked for
+    requested: float | None = None  # relative magnitude that was asked for
 
 
 # Numbers of laws, by where they act in a step. Whoever acts on a range refuses what it has no

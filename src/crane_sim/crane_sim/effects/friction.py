@@ -70,7 +70,7 @@ def level(
 
 @njit(cache=True, error_model="numpy")
 def _along_the_stroke(injected: Injected, k: int, i: int, state: State, step: float) -> float:
-    """Of a law that follows where the joint stands, how long it stood, or what is beside it."""
+    """Friction that depends on the joint's position, its rest, or its load."""
     law, value, memory = injected.law[k], injected.value[k], injected.memory[k]
     size = value[0]
     q, v = state.q[i], state.v[i]
@@ -121,7 +121,7 @@ def _lip(pressure: float, exponent: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _seals(injected: Injected, k: int, cylinder: np.record, actuator: np.record) -> float:
-    """What presses the seals of a cylinder, in the unit of the joint's force [N m, N]."""
+    """Load on the seals of a cylinder, in the unit of the joint's force [N m, N]."""
     law, value = injected.law[k], injected.value[k]
     pressed_a = cylinder.area_a * max(actuator.p_a, 0.0)
     pressed_b = cylinder.area_b * max(actuator.p_b, 0.0)

@@ -103,9 +103,7 @@ def _add_body(
     chain: Chain, v: np.ndarray, m: float, reach: float, inertia: float,
     mass: np.ndarray, bias: np.ndarray,
 ) -> None:  # fmt: skip
-    """A body of mass m whose centre lies `reach` beyond the tip, with the same inertia about all
-    axes; by what its centre and its turning ask for.
-    """
+    """Add a body of mass m, `reach` beyond the tip, with equal inertia about all axes."""
     links = chain.links
     at = summed(tip_of(chain), scaled(reach, product(links[-1].rotation, vector(chain.outward))))
     omega, alpha, velocity = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -165,7 +163,7 @@ def _add_drive(
 
 @njit(cache=True, error_model="numpy")
 def _out_of_reel(law: int, value: np.ndarray, out: float) -> tuple[float, float, float, float]:
-    """Of `out` metres of hose: mass, first and second moment about the reel, and kg/m at it."""
+    """Mass, first and second moment about the reel, and kg/m at it, of `out` metres of hose."""
     density, shape = value[0], value[1]
     if law == TAPERED_HOSE:  # heavier the further it is out: its couplings
         density *= out**shape
@@ -222,7 +220,7 @@ def _add_hose(
 def _note_centrifugal(
     chain: Chain, q: np.ndarray, v: np.ndarray, mass: np.ndarray, bias: np.ndarray
 ) -> None:
-    """What slewing does to the booms. It is part of every machine: noted, not added."""
+    """Note the centrifugal forces of slewing on the booms; every machine has them."""
     rate, gravity = np.zeros_like(v), np.empty_like(v)
     mass_and_bias(chain, q, rate, mass, gravity)
     rate[0] = v[0]

@@ -17,7 +17,7 @@ from crane_sim.effects.form import (
     measured_joints,
 )
 
-ChamberPressures = tuple[np.ndarray, np.ndarray]
+Shown = tuple[np.ndarray, np.ndarray]  # pressures of chambers A and B
 MINUTE_S = 60.0
 REFERENCE_PRESSURE_PA = 5e6  # where a gain that follows the pressure is what it says
 
@@ -35,24 +35,20 @@ ECCENTRICITY_RAD = (5e-5, 2e-4)  # 1 to 4 counts of an encoder
 class OneTransducer(SensorFault, ABC):
     """A fault of the transducer of chamber A."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         shown = chamber_a.copy()
         shown[:, self.column] = self.shown(time, chamber_a[:, self.column])
         return shown, chamber_b
 
     @abstractmethod
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """What it shows of a pressure (n,) [Pa]."""
+        """Reading of a pressure (n,) [Pa]."""
 
 
 class BothTransducers(SensorFault, ABC):
     """A fault of the transducers of both chambers, the same in each."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
         shown_a[:, self.column] = self.shown(time, chamber_a[:, self.column])
         shown_b[:, self.column] = self.shown(time, chamber_b[:, self.column])
@@ -60,7 +56,7 @@ class BothTransducers(SensorFault, ABC):
 
     @abstractmethod
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """What either shows of a pressure (n,) [Pa]."""
+        """Readings of both for a pressure (n,) [Pa]."""
 
 
 class Zero(OneTransducer):
@@ -125,9 +121,7 @@ class BothGains(BothTransducers):
 class GainOfB(SensorFault):
     """The transducer of chamber B off by a factor."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         (gain,) = self.values
         shown = chamber_b.copy()
         shown[:, self.column] *= 1.0 + gain
@@ -137,9 +131,7 @@ class GainOfB(SensorFault):
 class PressedGainOfB(SensorFault):
     """The transducer of chamber B off by a factor that follows the pressure."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         gain, exponent = self.values
         shown = chamber_b.copy()
         ratio = np.maximum(chamber_b[:, self.column], 0.0) / REFERENCE_PRESSURE_PA
@@ -150,9 +142,7 @@ class PressedGainOfB(SensorFault):
 class OpposedGains(SensorFault):
     """The transducer of chamber B off by a factor, that of A by a part of it, the other way."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         gain, share = self.values
         shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
         shown_a[:, self.column] *= 1.0 - share * gain
@@ -163,66 +153,67 @@ class OpposedGains(SensorFault):
 # Encoders: turned, off their centres, ill divided.
 
 
-class Turned(SensorFault):
+class EncoderFault(SensorFault, ABC):
+    """A fault of an encoder that depends on the position."""
+
+    def positions(self, q: np.ndarray) -> np.ndarray:
+        shown = q.copy()
+        shown[..., self.column] += self.error(q[..., self.column])
+        return shown
+
+    @abstractmethod
+    def error(self, q: np.ndarray) -> np.ndarray:
+        """Error of the reading at positions (...,) of the joint."""
+
+
+class Turned(EncoderFault):
     """An encoder that was mounted a little turned."""
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        shown = q.copy()
+    def error(self, q: np.ndarray) -> np.ndarray:
         (offset,) = self.values
-        shown[..., self.column] += offset
-        return shown
+        return np.full_like(q, offset)
 
 
-class Strained(SensorFault):
+class Strained(EncoderFault):
     """An encoder whose coupling was mounted turned and a little bent."""
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        shown = q.copy()
+    def error(self, q: np.ndarray) -> np.ndarray:
         offset, share, phase = self.values
-        shown[..., self.column] += offset * (1.0 + share * np.sin(q[..., self.column] + phase))
-        return shown
+        return offset * (1.0 + share * np.sin(q + phase))
 
 
-class Slipped(SensorFault):
+class Slipped(EncoderFault):
     """An encoder that was mounted turned, on a wheel of not quite the right size."""
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        shown = q.copy()
+    def error(self, q: np.ndarray) -> np.ndarray:
         offset, share = self.values
-        shown[..., self.column] += offset * (1.0 + share * q[..., self.column])
-        return shown
+        return offset * (1.0 + share * q)
 
 
-class Eccentric(SensorFault):
+class Eccentric(EncoderFault):
     """An encoder disk off its centre: an error that follows the sine of the angle."""
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        shown = q.copy()
+    def error(self, q: np.ndarray) -> np.ndarray:
         error, turns, phase = self.values
-        shown[..., self.column] += error * np.sin(turns * q[..., self.column] + phase)
-        return shown
+        return error * np.sin(turns * q + phase)
 
 
-class TwoLobes(SensorFault):
+class TwoLobes(EncoderFault):
     """A disk off its centre and not round."""
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        shown = q.copy()
+    def error(self, q: np.ndarray) -> np.ndarray:
         error, turns, phase, second = self.values
-        angle = turns * q[..., self.column] + phase
-        shown[..., self.column] += error * (np.sin(angle) + second * np.sin(2.0 * angle))
-        return shown
+        angle = turns * q + phase
+        return error * (np.sin(angle) + second * np.sin(2.0 * angle))
 
 
-class Graduation(SensorFault):
+class Graduation(EncoderFault):
     """A disk whose lines were divided with an error that builds up and jumps back."""
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        shown = q.copy()
+    def error(self, q: np.ndarray) -> np.ndarray:
         error, turns, phase = self.values
-        angle = turns * q[..., self.column] + phase
-        shown[..., self.column] += error * np.arctan2(np.sin(angle), 1.5 + np.cos(angle))
-        return shown
+        angle = turns * q + phase
+        return error * np.arctan2(np.sin(angle), 1.5 + np.cos(angle))
 
 
 # Readings of transducers: pulsation, crosstalk, delays.
@@ -231,9 +222,7 @@ class Graduation(SensorFault):
 class Ripple(SensorFault):
     """The pump's pulsation in both chambers, aliased by the sampling, slowly beating."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         ripple, frequency = self.values
         shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
         phase = 2.0 * np.pi * frequency * time
@@ -246,9 +235,7 @@ class Ripple(SensorFault):
 class WanderingRipple(SensorFault):
     """As of a pump whose speed wanders: the pulsation is nowhere for long."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         ripple, frequency, wander = self.values
         shown = chamber_a.copy()
         phase = 2.0 * np.pi * frequency * (time + wander * np.sin(0.4 * time))
@@ -259,9 +246,7 @@ class WanderingRipple(SensorFault):
 class TwoRipples(SensorFault):
     """Two pumps, each with a line of its own, in both chambers."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         ripple, frequency, ratio = self.values
         shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
         both = np.sin(2.0 * np.pi * frequency * time)
@@ -274,9 +259,7 @@ class TwoRipples(SensorFault):
 class Crosstalk(SensorFault):
     """A channel that picks up some of the next joint's."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         share = self.values[0]
         following = self.measured.index(self.column) + 1
         source = self.measured[following % len(self.measured)]
@@ -288,18 +271,14 @@ class Crosstalk(SensorFault):
 class CrosstalkOfA(Crosstalk):
     """A channel that picks up some of the like one of the next joint."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         return super().pressures(time, chamber_a, chamber_a)[0], chamber_b
 
 
 class SharedGround(Crosstalk):
     """Channels of which one lifts the other's ground, more than in proportion."""
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> ChamberPressures:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         lifted = (
             REFERENCE_PRESSURE_PA
             * (np.maximum(chamber_b, 0.0) / REFERENCE_PRESSURE_PA) ** self.values[1]
@@ -360,9 +339,7 @@ class PumpPulsation(SensorFault):
     `values`: rate [Hz], then pulsation [Pa] and phase [rad] of chambers A and B of each joint.
     """
 
-    def pressures(
-        self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
         rate, *rest = self.values
         chambers = np.array(rest).reshape(2, 2, -1)  # chamber, pulsation or phase, joint
         slip = PULSATION_DRIFT / DRIFT_RAD_S * np.cos(DRIFT_RAD_S * time)
@@ -376,9 +353,7 @@ class PumpPulsation(SensorFault):
 
 
 def drawn_flaws(machine: Machine, seed: int) -> tuple[SensorFault, ...]:
-    """Pulsation of the pump, and encoder disks a little off their centres; the same seed gives the
-    same ones.
-    """
+    """Pulsation of the pump, and eccentric encoder disks; the same seed gives the same ones."""
     rng = np.random.default_rng([seed, 11])
     joints = measured_joints(machine)
     count = len(machine.joint_names)

@@ -14,7 +14,7 @@ Held = TypeVar("Held")
 
 
 class Borrow(Protocol):
-    """What compiled code calls."""
+    """Function that compiled code calls."""
 
     def __call__(self, held: Held, /) -> Held:
         """`held`, arrays or tuples of them as deep as you like, without a count of references.

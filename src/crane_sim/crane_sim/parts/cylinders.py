@@ -131,7 +131,7 @@ def opening(position: float, dead_band: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def conductances(valve: np.record, x: float) -> tuple[float, float]:
-    """What chambers A and B see at a metering opening x [m3/s/sqrt(Pa)]: see `port_flow`."""
+    """Conductances to chambers A and B at a metering opening x [m3/s/sqrt(Pa)]: see `port_flow`."""
     if x > 0.0:
         return valve.supply_a * x, -valve.b_tank * x
     return valve.a_tank * x, -valve.supply_b * x
@@ -213,7 +213,7 @@ def compensated_flow(
 
 @njit(cache=True, error_model="numpy")
 def set_pressure(oil: Oil, p_load: float) -> float:
-    """Where the pump delivers nothing [Pa]: its own, or with load sensing above the load."""
+    """Pressure at which the pump delivers nothing [Pa]: its own, or above that of the load."""
     if not oil.load_sensing:
         return oil.set_pressure
     return min(p_load + oil.margin + 0.5 * oil.droop, oil.set_pressure)

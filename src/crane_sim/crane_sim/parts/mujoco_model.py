@@ -13,7 +13,7 @@ from crane_sim.parts.parameters import Body, SimulatedCrane
 
 
 def link_name(joint: str) -> str:
-    """Of the body that a joint moves first."""
+    """Name of the body that a joint moves first."""
     return f"{joint} link"
 
 

@@ -1,5 +1,6 @@
 """The parameters of a simulated crane, from one YAML file, and cranes drawn about it."""
 
+import argparse
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -78,7 +79,7 @@ class CoulombViscous(Schema):
 
 
 class Bristles(Schema):
-    """What LuGre adds to (13) for one joint."""
+    """LuGre parameters of one joint, in addition to (13)."""
 
     stiffness: Positive  # N m/rad or N/m
     damping: NonNegative  # N m s/rad or N s/m
@@ -123,7 +124,7 @@ class SimulatedValve(Schema):
 
 
 class CylinderInside(Schema):
-    """What does not show outside of a cylinder."""
+    """Internal parameters of a cylinder."""
 
     dead_volume_a: Positive  # m3, with hose
     dead_volume_b: Positive
@@ -212,9 +213,7 @@ def column(table: Mapping[str, Schema], key: str) -> np.ndarray:
 
 
 def load_simulated_crane(
-    path: Path | str | None = None,
-    machine: Machine | None = None,
-    joints: Path | None = None,
+    path: Path | str | None = None, machine: Machine | None = None, joints: Path | None = None
 ) -> SimulatedCrane:
     """Read the parameters of a simulated crane.
 
@@ -257,6 +256,22 @@ def load_simulated_crane(
         densities = {joint: note.jerk_density for joint, note in notes.items()}
         content = content | {"jerk_density": densities}
     return validate(content, SimulatedCrane, path).of(machine or load_machine(), path)
+
+
+def add_plant(parser: argparse.ArgumentParser) -> None:
+    """`--plant`, the file of the simulated crane."""
+    parser.add_argument(
+        "--plant", type=Path, help="file of the simulated crane (default: that of the machine)"
+    )
+
+
+def load_both(machine: str | None, plant: Path | None) -> tuple[Machine, SimulatedCrane]:
+    """Machine and simulated crane of `--machine` and `--plant`; `ConfigurationError` if wrong."""
+    known = load_machine(machine)
+    joints = machine_file("machine.yaml", machine).with_name(JOINTS_FILE)
+    return known, load_simulated_crane(
+        machine_file("simulated_crane.yaml", machine, plant), known, joints
+    )
 
 
 def save_simulated_crane(path: Path | str, simulated: SimulatedCrane) -> None:

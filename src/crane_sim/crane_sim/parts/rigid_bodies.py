@@ -188,13 +188,13 @@ def mass_and_bias(
 
 @njit(cache=True, error_model="numpy")
 def carried(link: np.record, point: Vector) -> Vector:
-    """Where a placed link has a point of it that is at `point` in the zero pose [m]."""
+    """Position on a placed link of its point that is at `point` in the zero pose [m]."""
     return summed(product(link.rotation, point), vector(link.shift))
 
 
 @njit(cache=True, error_model="numpy")
 def tip_of(chain: Chain) -> Vector:
-    """Where the tip has been placed [m]."""
+    """Position of the placed tip [m]."""
     return carried(chain.links[-1], vector(chain.tip))
 
 

@@ -68,7 +68,6 @@ class Led:
 
     @property
     def pressures(self) -> Pressures:
-        """What transducers showed in all cycles."""
         return Pressures(*(np.concatenate(parts) for parts in zip(*self._read, strict=True)))
 
 
@@ -78,7 +77,7 @@ Steps = Callable[[Iterable[int]], Iterable[int]]
 
 
 class Course(Protocol):
-    """Where the crane is led, from rest to rest, as `crane_trajectory.motion.motion` has it."""
+    """Reference course from rest to rest, as in `crane_trajectory.motion.motion`."""
 
     @property
     def start(self) -> np.ndarray:
@@ -92,12 +91,12 @@ class Course(Protocol):
         """At time (n,) [s]."""
 
     def probe(self, time: np.ndarray) -> np.ndarray:
-        """What is added to the commands at time (n,) [s]: (n, j)."""
+        """Signal added to the commands at time (n,) [s]: (n, j)."""
 
 
 @dataclass(frozen=True)
 class States:
-    """What truly happened, at n instants; an axis of j follows the joints."""
+    """True states at n instants; an axis of j follows the joints."""
 
     time: np.ndarray  # (n,) s since the machine was started
     position: np.ndarray  # (n, j) rad, m
@@ -109,7 +108,7 @@ class States:
 
 @dataclass(frozen=True)
 class TrueStates(States):
-    """What no real machine shows, at the n instants of a recording; k effects are injected."""
+    """States hidden in a real machine, at the n instants of a recording; k injected effects."""
 
     injected_force: np.ndarray  # (k, n, j) N m, N
     injected_flow: np.ndarray  # (k, n, j) m3/s
@@ -224,7 +223,7 @@ MIN_STEP_S = 1e-6  # below which nothing is simulated
 
 
 def mean_delay(period: float, delay: float = BUS_DELAY_S, spread: float = BUS_SPREAD_S) -> float:
-    """Of a command that is given every `period` s [s].
+    """Mean delay of a command that is given every `period` s [s].
 
     A command waits for those before it, so the mean lies above `delay` + `spread` / 2: of the
     latest of `spread` U_j - j `period`, U_j evenly drawn from 0 to 1.
@@ -291,9 +290,7 @@ class IdentifiedPlant:
     """
 
     def __init__(self, model: Model, machine: Machine, q0: np.ndarray):
-        """At rest at q0 (j,). `ConfigurationError` if the model is of another machine, or lacks
-        its hydraulics; `RangeError` if q0 is outside the limits or cannot be held.
-        """
+        """At rest at q0 (j,); `ConfigurationError` for a wrong model, `RangeError` for q0."""
         if model.machine is None or model.machine.model_dump() != machine.model_dump():
             raise ConfigurationError(
                 f"model '{model.name}' was not identified with the machine {machine.name}, as its "
@@ -307,7 +304,6 @@ class IdentifiedPlant:
 
     @property
     def standing(self) -> tuple[str, ...]:
-        """The joints that do not move."""
         return tuple(
             joint for joint in self.machine.joint_names if joint not in self._identified.joints
         )

@@ -34,9 +34,9 @@ from crane_sim.parts.rigid_bodies import mass_and_bias
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -> None:
-    """What drives the joints, friction and inertia apart: (j,) N m, N.
+    """Driving forces of the joints without friction and inertia: (j,) N m, N.
 
-    What injected effects add to it, and to the bodies and the friction, is in `injected.kernel`.
+    `injected.kernel` has what injected effects add to it, to the bodies and to the friction.
     """
     for i in range(len(state.q)):
         cylinder, actuator = constants.cylinders[i], state.actuators[i]
@@ -220,9 +220,7 @@ class DeadTime:
     def heard(
         self, command: np.ndarray, begin: float, duration: float
     ) -> Iterator[tuple[float, np.ndarray]]:
-        """How long, and which commands (j,), spools hear from `begin` [s] on, when `command` (j,)
-        is given.
-        """
+        """Durations and commands (j,) that spools hear from `begin` [s] on, given `command`."""
         if self._none:
             yield duration, command
             return
@@ -321,9 +319,7 @@ class Plant:
         self._constants.cylinders["leakage"] = self._leakage + passed
 
     def set_magnitude(self, k: int, magnitude: float, *shape: float) -> None:
-        """From now on, the k-th injected effect that acts in the plant has this magnitude, and this
-        `shape`, as far as it is given.
-        """
+        """Set magnitude, and `shape` if given, of the k-th injected effect in the plant."""
         if not 0 <= k < self.injected_count or self._injected is None:
             raise RangeError(f"plant: no injected effect {k}; it has {self.injected_count}")
         self._injected.value[k, : 1 + len(shape)] = magnitude, *shape

@@ -54,7 +54,7 @@ class RecordedMachine(MachineInMotion, Protocol):
 
     @property
     def parameters(self) -> SimulatedCrane:
-        """What it was made with; its sensors are those of recordings."""
+        """Parameters of the machine; its sensors are those of recordings."""
 
     @property
     def time(self) -> float:

@@ -88,12 +88,6 @@ def test_gap_splits_into_runs_in_step() -> None:
     np.testing.assert_allclose(samples.pressure_a[:, 0], 2.0 * samples.time, atol=1e-9)
 
 
-def test_gap_is_refused_on_demand() -> None:
-    message = "bag: /cylinder_pressures: nothing for 0.500 s after 1.000 s, at most 0.1 s allowed"
-    with pytest.raises(DataError, match=message):
-        resample(with_gap(), gaps="refuse")
-
-
 def test_gap_that_is_allowed() -> None:
     samples = resample(with_gap(), largest_gap=0.6)
     assert (samples.run == 0).all()

@@ -9,7 +9,7 @@ from crane_model.hydraulics import JointHydraulics
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model
 from crane_model.terms.term import Setting
-from crane_sim.options import load_both
+from crane_sim.parts.parameters import load_both
 from crane_sim.plant.closed_loop import SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
