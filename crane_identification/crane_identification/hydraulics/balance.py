@@ -317,7 +317,9 @@ class ChamberRows(PassageRows):
             (none, -rate_b),
         )
         self.oil = self._filtered(np.stack([np.stack(pair, axis=1) for pair in oil], axis=2))
-        over_a, over_b = (supply - p_a, supply - p_b) if feeding is None else (feeding, feeding)
+        over_a, over_b = supply - p_a, supply - p_b
+        if feeding is not None:  # a chamber that is fed is at most the highest load
+            over_a, over_b = (np.clip(over, 0.0, feeding) for over in (over_a, over_b))
         drops = (over_a, p_a - tank, over_b, p_b - tank)
         self._roots = np.stack([roots(drop) for drop in drops], axis=1)
 

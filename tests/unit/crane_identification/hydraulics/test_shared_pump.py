@@ -1,5 +1,7 @@
 """Valves that share the flow of one pump: the drop at the edges that feed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,3 +66,17 @@ def test_edges_that_feed_pass_by_that_drop_and_returns_by_their_own(
     returns = 3 if edge == 0 else 1
     assert second[returns] == pytest.approx(first[returns])
     assert first[returns] < 0.0 < first[edge]
+
+
+def test_a_chamber_that_is_fed_is_at_most_the_highest_load() -> None:
+    """Whatever the load is taken for: nothing else keeps a wrong opening of this valve right."""
+    time, cylinder = np.array([0.0, 20.0]), MACHINE.cylinders["boom"]
+    flows = []
+    for load, p_a in ((1.35e7, 1.0e7), (0.3e6, 1.35e7)):
+        loads = HighestLoads(MARGIN, {"bag": (time, np.full(2, load))})
+        part = passage(0.5)
+        part = replace(part, pressures={**part.pressures, "pressure_a": np.full(500, p_a)})
+        rows = ChamberRows(loads.shared(part), cylinder)
+        flows.append(rows.columns(OPEN)[len(rows.time) // 2, 0, 0])
+    assert flows[1] == pytest.approx(flows[0])
+    assert flows[0] > 0.0
