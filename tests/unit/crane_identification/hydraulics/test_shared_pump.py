@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from crane_identification.hydraulics.balance import METERING_DROP, ChamberRows, Passage, SpoolValues
-from crane_identification.hydraulics.joint_estimate import LARGEST_DROP_MARGINS, HighestLoads
+from crane_identification.hydraulics.joint_estimate import (
+    LARGEST_DROP_MARGINS,
+    HighestLoads,
+    early_spool,
+)
+from crane_identification.hydraulics.projection import BalanceFit
+from crane_model.hydraulics import Measured
 from crane_model.machine import load_machine
 
 MARGIN, TANK, STEP_S = 2.0e6, 0.3e6, 0.02
@@ -80,3 +86,13 @@ def test_a_chamber_that_is_fed_is_at_most_the_highest_load() -> None:
         flows.append(rows.columns(OPEN)[len(rows.time) // 2, 0, 0])
     assert flows[1] == pytest.approx(flows[0])
     assert flows[0] > 0.0
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.5, False), (1.05, False), (1.5, True)])
+def test_a_spool_that_moves_before_its_command_tells_no_lag(share: float, named: bool) -> None:
+    """As of the swing, when its own load was missing: 0.39 s, and 0.2 s before the command."""
+    empty = np.zeros((0, 0))
+    spool = SpoolValues(lag=0.39, share=share, dead_band_a=0.1, dead_band_b=0.1, play=0.0)
+    found = BalanceFit(spool, np.zeros(8), empty, empty, empty, 0.079)
+    lag = Measured(value=0.39, std_dev=0.029, unit="s")
+    assert ("lag" in early_spool(found, {"lag": lag})) == named
