@@ -19,6 +19,7 @@ from crane_interfaces.msg import (
     ValveCommand,
 )
 from crane_model import cli
+from crane_model.array import Array, Flags
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_nodes.managed import AUTOSTART, run_managed
@@ -53,6 +54,21 @@ PAYLOAD_SILENCE = 1.0  # s without an estimate
 MODEL = Text("model", "", "Identified model file; empty: model.yaml of the machine. At configure")
 LOG = Text("log", "", "New file (CSV) to which lifts are written; empty: none. At configure")
 PARAMETERS: tuple[NodeParameter, ...] = (AUTOSTART, MACHINE, MODEL, LOG)
+
+
+def distrusted(joints: Sequence[str], found: SensorFindings, zero: int) -> tuple[Array, Flags]:
+    """When each encoder became faulty, in seconds since `zero` [ns], infinite for a sound one; and
+    whether a pressure transducer of each joint is faulty: (j,) each.
+    """
+    encoders, pressures = np.full(len(joints), np.inf), np.zeros(len(joints), dtype=bool)
+    for k, joint in enumerate(found.joint):
+        if joint not in joints:
+            continue
+        if found.dangerous[k]:
+            encoders[joints.index(joint)] = found.onset[k] - zero / NANOSECONDS
+        elif "pressure" in found.sensor[k]:
+            pressures[joints.index(joint)] = True
+    return encoders, pressures
 
 
 class PayloadEstimatorNode(ObserverNode):
@@ -138,17 +154,9 @@ class PayloadEstimatorNode(ObserverNode):
 
     def _heed(self, estimator: PayloadEstimator) -> None:
         """Leave out the sensors that were found faulty."""
-        if self._heeded:
-            return
-        self._heeded, found, joints = True, self._findings, self._model.joints
-        encoders, pressures = np.full(len(joints), np.inf), np.zeros(len(joints), dtype=bool)
-        for k, sensor in enumerate(found.sensor):
-            if found.dangerous[k] and found.joint[k] in joints:
-                onset = found.onset[k] - (self.zero or 0) / NANOSECONDS
-                encoders[joints.index(found.joint[k])] = onset
-            elif "pressure" in sensor and found.joint[k] in joints:
-                pressures[joints.index(found.joint[k])] = True
-        estimator.distrust(encoders, pressures)
+        if not self._heeded:
+            self._heeded = True
+            estimator.distrust(*distrusted(self._model.joints, self._findings, self.zero or 0))
 
     def _tare(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
         answer.success = self._estimator is not None and self._payload is not None
