@@ -88,6 +88,13 @@ def test_a_chamber_that_is_fed_is_at_most_the_highest_load() -> None:
     assert flows[0] > 0.0
 
 
+def test_a_drop_that_transducers_hardly_tell_from_none_does_not_count() -> None:
+    time, cylinder = np.array([0.0, 20.0]), MACHINE.cylinders["boom"]
+    for load, counts in ((1.45e7, True), (1.48e7, False)):
+        shared = HighestLoads(MARGIN, {"bag": (time, np.full(2, load))}).shared(passage(0.5))
+        assert ChamberRows(shared, cylinder).columns(OPEN).any() == counts
+
+
 @pytest.mark.parametrize(("share", "named"), [(0.5, False), (1.05, False), (1.5, True)])
 def test_a_spool_that_moves_before_its_command_tells_no_lag(share: float, named: bool) -> None:
     """As of the swing, when its own load was missing: 0.39 s, and 0.2 s before the command."""
