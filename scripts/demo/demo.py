@@ -31,7 +31,7 @@ from tables import bags_table, errors_table, table
 from crane_benchmark.rehearsal.crane_run import CraneRun, identify
 from crane_benchmark.rehearsal.live_node import follow, foreign_domain
 from crane_benchmark.rehearsal.processes import ProcessError, Processes
-from crane_benchmark.rehearsal.tried import CONTROLLER, refusal
+from crane_benchmark.rehearsal.tried import refusal
 from crane_identification.report import terminal
 from crane_model.cli import add_machine
 from crane_model.errors import ConfigurationError
@@ -125,7 +125,7 @@ def _demo(
         if why_not := refusal(law.machine, load_model(law.fitted)):
             say(f"not controlled by its model: {why_not}", highlight=False)
         else:
-            follow(suite, domain, law, seed, CONTROLLER, say)
+            follow(suite, domain, law, seed, say)
             followed = following.measured(law)
             following.draw(law)
             say(following.table(law, followed), f"Picture: {following.PICTURE}")
@@ -156,10 +156,10 @@ def _unplug(
 ) -> Unplugged | None:
     """An encoder that fails in motion: what became of it, or None if none may fail."""
     say = steps.console.print
-    joint = unplugged.joint_to_lose(law)
-    if not joint:
-        say("no encoder is unplugged: safety.yaml permits no substitute")
+    if why_not := unplugged.refusal(law):
+        say(f"no encoder is unplugged: {why_not}", highlight=False)
         return None
+    joint = unplugged.joint_to_lose(law)
     pulled = unplugged.unplug(suite, domain, law, seed, joint, say)
     found = homecoming.measured(law, pulled)
     homecoming.draw(law, pulled, found)

@@ -12,7 +12,6 @@ from rich.table import Table
 from crane_bags.reader import read_topics
 from crane_bags.types import JOINT_REFERENCE, JOINT_STATES
 from crane_benchmark.rehearsal.crane_run import CraneRun
-from crane_benchmark.rehearsal.tried import CONTROLLER
 from crane_identification.report.terminal import plain_table
 from crane_model.machine import load_machine
 from crane_model.result_file import NumberByJoint
@@ -39,7 +38,7 @@ def measured(law: CraneRun) -> Following:
     for (joint, was), still in zip(before.items(), held, strict=True):
         now = after[joint]
         ratios[joint] = None if still or not was or not now else was / now
-    return Following(controller=CONTROLLER, tracking_rms=after, times_better=ratios)
+    return Following(controller=law.controller, tracking_rms=after, times_better=ratios)
 
 
 def table(law: CraneRun, after: Following) -> Table:
@@ -73,8 +72,8 @@ def draw(law: CraneRun) -> None:
         label = f"{joint.replace('_', ' ')} [m{machine.units[joint]}]"
         inside = before.time <= end
         _curve(row[0], before.time[inside], before.error[inside, i], BEFORE, "(36)")
-        _curve(row[0], after.time, after.error[:, i], AFTER, CONTROLLER)
-        _curve(row[1], after.time, after.error[:, i], AFTER, CONTROLLER)
+        _curve(row[0], after.time, after.error[:, i], AFTER, law.controller)
+        _curve(row[1], after.time, after.error[:, i], AFTER, law.controller)
         row[0].set_ylabel(label)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     for panel in axes[-1]:

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import yaml
 from keyboard import Keyboard
 from laws import OUT
@@ -20,12 +21,13 @@ from crane_benchmark.rehearsal.crane_run import CraneRun
 from crane_benchmark.rehearsal.live_node import LEADING, Say, record_to, start, stop
 from crane_benchmark.rehearsal.operator_node import OperatorNode, pull_plug
 from crane_benchmark.rehearsal.processes import Processes
-from crane_benchmark.rehearsal.tried import CONTROLLER
 from crane_driver.operator.jog.jog_input import JOINT_KEYS
 from crane_driver.safety.commands import load_safety
 from crane_interfaces.msg import DriverState
+from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.model_file import load_model
+from crane_observer.position.filter import refuse_unserved
 from crane_sim.parts.parameters import load_simulated_crane
 
 USE = "unplugged"  # of its bag
@@ -55,12 +57,24 @@ def joint_to_lose(law: CraneRun) -> str:
     return turning[-1] if turning else ""
 
 
+def refusal(law: CraneRun) -> str:
+    """Return why the crane cannot go home without an encoder; empty if it can."""
+    if not (joint := joint_to_lose(law)):
+        return "safety.yaml permits no substitute"
+    model = load_model(law.fitted)
+    try:
+        refuse_unserved(model, np.isin(model.joints, joint))
+    except ConfigurationError as error:
+        return str(error)
+    return ""
+
+
 def unplug(suite: Processes, domain: int, law: CraneRun, seed: int, joint: str, say: Say) -> Pulled:
     """Recorded as the bag `USE`. `ProcessError` where a process fails or nothing is noticed."""
     say(f"the encoder of {joint} is unplugged in motion, under an undeclared load of {LOAD:g} kg")
     with OperatorNode(suite, domain) as hand:
         known = ("-p", f"model:={law.fitted}", *suite.clock)
-        led = ("-p", f"law:={CONTROLLER}", "-p", f"model:={law.fitted}")
+        led = ("-p", f"law:={law.controller}", "-p", f"model:={law.fitted}")
         start(suite, law, seed, *led, listeners=LISTENERS, plant=_loaded(law))
         for name in OBSERVERS:
             of_machine = ("--ros-args", "-p", f"machine:={law.machine}", *known)

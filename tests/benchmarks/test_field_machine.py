@@ -88,7 +88,6 @@ def test_dead_times(field: Field, measured: Measured) -> None:
         errors[joint] = known.valve.lag.value - true
     text = ", ".join(f"{joint} {1e3 * error:+.1f}" for joint, error in errors.items())
     measured("dead times, error [ms]", "10", text, **{j: 1e3 * e for j, e in errors.items()})
-    errors.pop("swing")  # the aim is missed: pump and motor are at their limits, which hide it
     assert max(map(abs, errors.values())) < DEAD_TIME_AIM
 
 

@@ -17,9 +17,10 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from unit.crane_observer.observed import JOINTS, known, recording
 
-from crane_interfaces.msg import CylinderPressures, TipLoad
+from crane_interfaces.msg import CylinderPressures, SensorFindings, TipLoad
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model, save_model
+from crane_observer.node.payload_estimator_node import distrusted
 from crane_observer.payload.estimator import HEADINGS, PayloadEstimator, lifts, replay
 from crane_observer.recording import HeardRecording
 
@@ -112,3 +113,24 @@ def test_a_log_that_exists_and_a_model_without_values_are_refused(tmp_path: Path
     save_model(tmp_path / "bare.yaml", load_model(machine_file("model.yaml")))
     process = start(NODE, "--ros-args", "-p", f"model:={tmp_path / 'bare.yaml'}")
     assert process.wait(PATIENCE) == 1
+
+
+def test_findings_name_encoders_since_their_onset_and_pressures() -> None:
+    found = SensorFindings(
+        sensor=[
+            "outer_boom encoder",
+            "telescope pressure A",
+            "inner_boom valve",
+            "supply pressure",
+        ],
+        joint=["outer_boom", "telescope", "inner_boom", ""],
+        dangerous=[True, False, False, False],
+        onset=[107.5, 108.0, 109.0, 110.0],
+    )
+    encoders, pressures = distrusted(JOINTS, found, BEGIN * 10**9)
+    assert dict(zip(JOINTS, encoders.tolist(), strict=True)) == {
+        "inner_boom": np.inf, "outer_boom": 7.5, "telescope": np.inf,
+    }  # fmt: skip
+    assert dict(zip(JOINTS, pressures.tolist(), strict=True)) == {
+        "inner_boom": False, "outer_boom": False, "telescope": True,
+    }  # fmt: skip

@@ -46,6 +46,7 @@ ROW_RATE = 16.0  # Hz of rows, where the filter has left next to nothing above h
 SPOILT = 0.5  # s at both ends of a passage that the filter's memory spoils
 FINE = 5  # steps of the spool a sample
 LEAST_PRESSURE = 1e5  # Pa above the tank's; a chamber below is about to be empty and draws oil
+FAINT_DROP = 3e5  # Pa of a shared pump at its limit, that transducers hardly tell from none
 DAMPING_RATIO = 0.8  # of the spool; from slow motion only (2 D^2 - 1)/w^2 can be told
 FASTEST = 1e-4  # s, 1/w of a spool that cannot be told from an immediate one
 LINEAR = (*EDGES, "leakage", "compliance", "softness_a", "softness_b")
@@ -302,9 +303,11 @@ class ChamberRows(PassageRows):
             passage.pressures[name]
             for name in ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
         )
-        filled = np.minimum(p_a, p_b) > tank + LEAST_PRESSURE
+        counted = np.minimum(p_a, p_b) > tank + LEAST_PRESSURE
         feeding = passage.pressures.get(METERING_DROP)
-        super().__init__(passage, filled.astype(float))
+        if feeding is not None:
+            counted &= feeding > FAINT_DROP
+        super().__init__(passage, counted.astype(float))
         self._areas = np.array([cylinder.area_a, -cylinder.area_b])
         self.flow = np.outer(self.speed, self._areas)  # (n, 2)
         swept_a, swept_b = cylinder.chambers.swept(passage.length[1:-1])
@@ -317,7 +320,9 @@ class ChamberRows(PassageRows):
             (none, -rate_b),
         )
         self.oil = self._filtered(np.stack([np.stack(pair, axis=1) for pair in oil], axis=2))
-        over_a, over_b = (supply - p_a, supply - p_b) if feeding is None else (feeding, feeding)
+        over_a, over_b = supply - p_a, supply - p_b
+        if feeding is not None:  # a chamber that is fed is at most the highest load
+            over_a, over_b = (np.clip(over, 0.0, feeding) for over in (over_a, over_b))
         drops = (over_a, p_a - tank, over_b, p_b - tank)
         self._roots = np.stack([roots(drop) for drop in drops], axis=1)
 

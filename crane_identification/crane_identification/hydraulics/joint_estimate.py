@@ -116,7 +116,7 @@ def identify_joint(
         JointHydraulics(
             valve=valve,
             chambers=chambers,
-            undetermined=undetermined(values),
+            undetermined=undetermined(values) | early_spool(found, values),
             unexplained=found.unexplained,
             lack_of_fit=lack_of_fit(balance, found, logs, period),
         ),
@@ -132,6 +132,14 @@ def undetermined(values: Mapping[str, Measured]) -> dict[str, str]:
         for name, measured in values.items()
         if not _known(name, measured)
     }
+
+
+def early_spool(found: BalanceFit, values: Mapping[str, Measured]) -> dict[str, str]:
+    """The lag, with the experiment that tells it, if the spool would move before its command: then
+    flow that the valve does not pass has taken the lag for its own.
+    """
+    early = -found.spool.delay > SIGN_SIGMAS * (values["lag"].std_dev or 0.0)
+    return {"lag": discriminated_by("lag")} if early else {}
 
 
 def discriminated_by(name: str) -> str:

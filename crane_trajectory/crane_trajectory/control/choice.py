@@ -44,6 +44,16 @@ PREDICTIVE = "predictive_flow"
 NAMES = (PD_DEAD_BAND, *OF_THE_MODEL, PREDICTIVE)
 MAY_LEARN = ("flow_feedforward", "flow_and_pressures")
 
+SUITED, SUITED_TO_SHARED_PUMP = "flow_and_pressures", PREDICTIVE
+
+
+def suited_controller(machine: Machine) -> str:
+    """Return the controller with which a fitted model is tried first: with load sensing, pressures
+    tell the loads of all joints, and the valves are slow.
+    """
+    return SUITED if machine.hydraulics.load_sensing is None else SUITED_TO_SHARED_PUMP
+
+
 COURSE_STEP = 0.005  # s, of the learnt course
 LEARNING_GAIN = 0.5
 CUT_OFF = 3.0  # Hz

@@ -6,7 +6,9 @@ from pathlib import Path
 
 from crane_benchmark.rehearsal.processes import Processes
 from crane_identification.report.summary import Summary
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_trajectory.control.choice import suited_controller
 
 EXCITATION, VALIDATION = "excitation_20s.yaml", "validation_20s.yaml"
 NEEDED = (  # later steps need them: better missed at once than in the middle
@@ -36,6 +38,11 @@ class CraneRun:
     def fitted(self) -> Path:
         """The model file that `identify` writes."""
         return self.folder / "model.yaml"
+
+    @property
+    def controller(self) -> str:
+        """Name of the controller that the fitted model is given to."""
+        return suited_controller(load_machine(self.machine))
 
     def bag(self, use: str) -> Path:
         """Folder of the bag recorded for `use`, "train", "validate" or "follow"."""

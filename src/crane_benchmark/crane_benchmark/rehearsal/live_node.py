@@ -105,16 +105,14 @@ class Onlooker:
         rclpy.shutdown(context=self._context)
 
 
-def follow(
-    suite: Processes, domain: int, run: CraneRun, seed: int, controller: str, say: Say
-) -> None:
+def follow(suite: Processes, domain: int, run: CraneRun, seed: int, say: Say) -> None:
     """The motion that the model was fitted to once more, led by a controller that uses the model.
 
     Recorded as the bag "follow". `ProcessError` as `experiment`.
     """
     with Onlooker(suite, domain) as onlooker:
-        say(f"the motion of the fit again, controlled by the fitted model: {controller}")
-        led = ("-p", f"law:={controller}", "-p", f"model:={run.fitted}")
+        say(f"the motion of the fit again, controlled by the fitted model: {run.controller}")
+        led = ("-p", f"law:={run.controller}", "-p", f"model:={run.fitted}")
         start(suite, run, seed, *led, listeners=LEADING)
         experiment(suite, onlooker, run, "follow", EXCITATION, FOLLOW_PERIODS, LEADING)
         stop(suite)

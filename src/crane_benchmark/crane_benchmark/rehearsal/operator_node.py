@@ -24,7 +24,6 @@ from crane_benchmark.rehearsal.live_node import (
 )
 from crane_benchmark.rehearsal.outcome import LostEncoder
 from crane_benchmark.rehearsal.processes import ProcessError, Processes
-from crane_benchmark.rehearsal.tried import CONTROLLER
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import DriverState, PositionEstimate, SensorFindings
 from crane_interfaces.srv import SubstituteEncoder
@@ -179,7 +178,7 @@ def lose_encoder(
     """Freeze the encoder of a joint in mid-motion; `ProcessError` if nothing notices it."""
     use = "lost_encoder"
     with OperatorNode(suite, domain) as hand:
-        led = ("-p", f"law:={CONTROLLER}", "-p", f"model:={run.fitted}")
+        led = ("-p", f"law:={run.controller}", "-p", f"model:={run.fitted}")
         start(suite, run, seed, *led, listeners=LISTENERS)
         for name in OBSERVERS:
             suite.start(

@@ -33,7 +33,6 @@ from crane_benchmark.rehearsal.operator_node import lose_encoder
 from crane_benchmark.rehearsal.outcome import Rehearsal, RehearsedParameter
 from crane_benchmark.rehearsal.processes import Processes
 from crane_benchmark.rehearsal.tried import (
-    CONTROLLER,
     check_faults,
     every_kind,
     margins,
@@ -224,8 +223,9 @@ class _Rehearsal:
         self.results["tracking"] = tracking
         if why_not := refusal(self.run.machine, load_model(self.run.fitted)):
             raise DataError(f"the fitted model does not control the crane: {why_not}")
-        follow(suite, domain, self.run, self.request.seed, CONTROLLER, _unsaid)
-        tracking[CONTROLLER] = ExcitationResult.read(self.run.result("follow")).rms_tracking_error
+        follow(suite, domain, self.run, self.request.seed, _unsaid)
+        followed = ExcitationResult.read(self.run.result("follow"))
+        tracking[self.run.controller] = followed.rms_tracking_error
 
     def _lose_encoder(self, suite: Processes, domain: int) -> None:
         joint = _joint_to_fail(load_model(self.run.fitted))

@@ -21,13 +21,12 @@ from crane_sim.plant.closed_loop import REST_S, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_sim.sensor_faults import KINDS, Faults, parse, parts_of
-from crane_trajectory.control.choice import PD_DEAD_BAND, controller
+from crane_trajectory.control.choice import PD_DEAD_BAND, controller, suited_controller
 from crane_trajectory.control.controller import Controller, load_gains
 from crane_trajectory.motion.motion import Motion
 from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.tune import SCALES, GainTrial, largest_steady, run_trials, trial_motion
 
-CONTROLLER = "flow_and_pressures"
 CYCLE = 0.005  # s, of commands while a stopping distance is measured
 RISE = 1.0  # s, from neutral to the whole command
 LONGEST_RUN, LONGEST_STOP = 4.0, 4.0  # s
@@ -60,7 +59,7 @@ def refusal(machine_name: str, model: Model) -> str:
     try:
         machine, _ = identified(model)
         gains = load_gains(machine_file("controller.yaml", machine_name), machine).arrays
-        controller(CONTROLLER, machine, gains, model)
+        controller(suited_controller(machine), machine, gains, model)
     except ConfigurationError as error:
         return str(error)
     return ""
@@ -78,9 +77,8 @@ def margins(machine_name: str, model: Model, trajectory: str) -> list[RehearsedM
     delay = float(np.mean([known.joints[joint].valve.delay for joint in model.joints]))
     trials = [GainTrial(scale, late) for late in (0.0, delay) for scale in SCALES]
     found = []
-    for name in (PD_DEAD_BAND, CONTROLLER):
-        if name == CONTROLLER and refusal(machine_name, model):
-            continue
+    refused = bool(refusal(machine_name, model))
+    for name in (PD_DEAD_BAND,) if refused else (PD_DEAD_BAND, suited_controller(machine)):
 
         def made(scale: float, name: str = name) -> Controller:
             scaled = gains._replace(kp=scale * gains.kp, kd=scale * gains.kd)

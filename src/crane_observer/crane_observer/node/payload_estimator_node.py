@@ -5,20 +5,30 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from crane_bags.clocks import NANOSECONDS
-from crane_interfaces.msg import CylinderPressures, PositionEstimate, TipLoad
+from crane_interfaces.msg import (
+    CylinderPressures,
+    PositionEstimate,
+    SensorFindings,
+    TipLoad,
+    ValveCommand,
+)
 from crane_model import cli
+from crane_model.array import Array, Flags
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.parameters import MACHINE, NodeParameter, Text
 from crane_observer.node.observer_node import (
+    COMMANDS,
     JOINT_STATES,
     LATCHED,
+    OUTPUTS,
     PRESSURES,
     HeardTopic,
     ObserverNode,
@@ -34,8 +44,9 @@ from crane_observer.payload.estimator import (
     PayloadEstimator,
 )
 
-Heard: TypeAlias = JointState | PositionEstimate | CylinderPressures
-HEARD = (JOINT_STATES, HeardTopic("position_estimate", PositionEstimate), PRESSURES)
+Heard: TypeAlias = JointState | PositionEstimate | CylinderPressures | ValveCommand
+ESTIMATES = HeardTopic("position_estimate", PositionEstimate)
+HEARD = (JOINT_STATES, ESTIMATES, PRESSURES, COMMANDS, OUTPUTS)
 PAYLOAD_VISIT = 0.02  # s between two visits to the queues
 PAYLOAD_WAIT = 500_000_000  # ns, with a topic that lags: nobody moves by the load
 PAYLOAD_SILENCE = 1.0  # s without an estimate
@@ -43,6 +54,21 @@ PAYLOAD_SILENCE = 1.0  # s without an estimate
 MODEL = Text("model", "", "Identified model file; empty: model.yaml of the machine. At configure")
 LOG = Text("log", "", "New file (CSV) to which lifts are written; empty: none. At configure")
 PARAMETERS: tuple[NodeParameter, ...] = (AUTOSTART, MACHINE, MODEL, LOG)
+
+
+def distrusted(joints: Sequence[str], found: SensorFindings, zero: int) -> tuple[Array, Flags]:
+    """When each encoder became faulty, in seconds since `zero` [ns], infinite for a sound one; and
+    whether a pressure transducer of each joint is faulty: (j,) each.
+    """
+    encoders, pressures = np.full(len(joints), np.inf), np.zeros(len(joints), dtype=bool)
+    for k, joint in enumerate(found.joint):
+        if joint not in joints:
+            continue
+        if found.dangerous[k]:
+            encoders[joints.index(joint)] = found.onset[k] - zero / NANOSECONDS
+        elif "pressure" in found.sensor[k]:
+            pressures[joints.index(joint)] = True
+    return encoders, pressures
 
 
 class PayloadEstimatorNode(ObserverNode):
@@ -56,7 +82,10 @@ class PayloadEstimatorNode(ObserverNode):
         self._payload: PayloadEstimate | None = None
         self._estimated = 0.0
         self._estimator: PayloadEstimator | None = None
+        self._outputs_heard = False  # the driver tells what it sends to the valves
+        self._findings, self._heeded = SensorFindings(), True
         self._loads = self.create_lifecycle_publisher(TipLoad, "tip_load", LATCHED)
+        self.create_subscription(SensorFindings, "sensor_findings", self._found, LATCHED)
         self.create_service(Trigger, "~/tare", self._tare)
 
     def read(self) -> None:
@@ -73,17 +102,26 @@ class PayloadEstimatorNode(ObserverNode):
         """Nothing is known of the load yet."""
         self._lifts, self._payload = LiftLog(), None
         self._estimator = PayloadEstimator(self._model)
+        self._outputs_heard = self._heeded = False
 
     def end(self) -> None:
         """The lift that hangs there ends."""
         self._ended(self._lifts.end())
         self._estimator = None
 
+    def counts(self, topic: HeardTopic, message: Heard) -> bool:
+        """Commands that were asked for do not, once the driver tells what it made of them."""
+        self._outputs_heard = self._outputs_heard or topic is OUTPUTS
+        return not (self._outputs_heard and topic is COMMANDS)
+
     def take(self, stamp: int, topic: HeardTopic, message: Heard) -> None:
         """What follows for the load."""
         assert self._estimator is not None
         joints, estimator, seconds = self._model.joints, self._estimator, self.seconds(stamp)
+        self._heed(estimator)
         match message:
+            case ValveCommand():
+                estimator.add_command(seconds, picked(joints, message.name, message.command))
             case JointState():
                 estimator.add_encoders(seconds, picked(joints, message.name, message.position))
             case PositionEstimate():
@@ -93,7 +131,7 @@ class PayloadEstimatorNode(ObserverNode):
             case _:
                 a = picked(joints, message.name, message.chamber_a)
                 b = picked(joints, message.name, message.chamber_b)
-                for payload in estimator.add_pressures(seconds, a, b):
+                for payload in estimator.add_pressures(seconds, a, b, message.supply):
                     self._tell(payload)
 
     def report(self, status: DiagnosticStatus) -> None:
@@ -110,6 +148,15 @@ class PayloadEstimatorNode(ObserverNode):
             KeyValue(key="late [-]", value=str(self._estimator.late)),
             KeyValue(key="invalid [-]", value=str(self._estimator.invalid)),
         ]
+
+    def _found(self, message: SensorFindings) -> None:
+        self._findings, self._heeded = message, False
+
+    def _heed(self, estimator: PayloadEstimator) -> None:
+        """Leave out the sensors that were found faulty."""
+        if not self._heeded:
+            self._heeded = True
+            estimator.distrust(*distrusted(self._model.joints, self._findings, self.zero or 0))
 
     def _tare(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
         answer.success = self._estimator is not None and self._payload is not None
@@ -144,7 +191,9 @@ class PayloadEstimatorNode(ObserverNode):
 
 
 ABOUT = """Estimates the load at the tip from cylinder_pressures and joint_states, of a joint
-without encoder from position_estimate, by an identified model. Publishes tip_load; ~/tare tares."""
+without encoder from position_estimate, by an identified model. Leaves out sensors that
+sensor_findings names, and, by a model with hydraulics, doubts an encoder that contradicts the flow
+of valve_output (without a driver that tells it valve_command). Publishes tip_load; ~/tare tares."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

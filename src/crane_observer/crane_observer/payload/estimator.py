@@ -15,7 +15,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numba import njit
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_model.errors import RangeError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
@@ -28,9 +28,10 @@ from crane_observer.payload.filter import (
     TipMechanics,
     attainable,
 )
+from crane_observer.payload.flow_check import FlowCheck
 from crane_observer.payload.hypotheses import LoadHypotheses
 from crane_observer.position.state import STANDING
-from crane_observer.recording import EncoderReading, HeardRecording, PressureReading
+from crane_observer.recording import CommandReading, EncoderReading, HeardRecording
 
 PAYLOAD_WINDOW = 0.3  # s
 HOP = 0.15  # s from one window to the next
@@ -74,6 +75,12 @@ class HeldReadings:
     def held(self) -> tuple[Array, Array]:
         """Stamps (n,) and values (n, width)."""
         return self._time[: self._count], self._values[: self._count]
+
+    def between(self, begin: float, end: float) -> tuple[Array, Array]:
+        """Stamps (n,) and values (n, width) from `begin` to `end` [s], both included."""
+        time, values = self.held
+        inside = slice(*np.searchsorted(time, [begin, np.nextafter(end, np.inf)]))
+        return time[inside], values[inside]
 
     def add(self, time: float, values: Array) -> None:
         """One more, unless it is late."""
@@ -164,6 +171,10 @@ class PayloadCondition(Enum):
     WAITING = "waiting for pressures and positions"
     PRESSURES_LOST = "pressures lost, of a joint or all: no estimate until they are back"
     POSITIONS_LOST = "positions lost: no estimate until they are back, or estimated"
+    ENCODER_IN_DOUBT = (
+        "an encoder contradicts the flow into its cylinder: no estimate until both agree, or the "
+        "sensor monitor has found the fault"
+    )
     UNOBSERVABLE = "this pose permits no estimate: move the load where it pulls at a joint"
     POSITIONS_ESTIMATED = "a position is estimated, and the load by it"
     AT_REST = "at rest: dry friction hides part of the load; move it to estimate it better"
@@ -172,7 +183,7 @@ class PayloadCondition(Enum):
 
 WITHOUT_ESTIMATE = (
     PayloadCondition.WAITING, PayloadCondition.PRESSURES_LOST, PayloadCondition.POSITIONS_LOST,
-    PayloadCondition.UNOBSERVABLE,
+    PayloadCondition.ENCODER_IN_DOUBT, PayloadCondition.UNOBSERVABLE,
 )  # fmt: skip
 
 
@@ -198,12 +209,18 @@ class PayloadEstimator:
         self._mechanics = TipMechanics.of(model)
         joints = len(model.joints)
         self._hypotheses = LoadHypotheses(doubt or ModelDoubt.of(model), joints)
+        shared = self.machine.hydraulics.load_sensing  # its drops at the valves are not known
+        self._flow = FlowCheck(model) if model.hydraulics and not shared else None
+        self._wrong_since = np.full(joints, np.inf)  # s, of an encoder that was found faulty
+        self._wrong_pressures = np.zeros(joints, dtype=bool)
         limits = [self.machine.limits[joint] for joint in model.joints]
         fastest = np.array([min(-limit.velocity_min, limit.velocity_max) for limit in limits])
         self._standing = STANDING * fastest
         self.pressures, self.encoders = HeldReadings(2 * joints), HeldReadings(joints)
         self.estimates = HeldReadings(3 * joints)
-        self._end, self._estimated_until = np.nan, np.nan
+        self._end, self._estimated_until, self._compared = np.nan, np.nan, -np.inf
+        self._doubted_until = np.full(joints, -np.inf)  # s, each encoder by flow
+        self._believed = np.full(joints, -np.inf)  # s, until when each encoder was used as measured
         self._moved = 0.0
 
     @property
@@ -225,6 +242,20 @@ class PayloadEstimator:
         """What hangs at the tip counts as nothing from now on."""
         self._hypotheses.tare()
 
+    def distrust(self, encoders: Array, pressures: Flags) -> None:
+        """Leave out what is faulty: encoders (j,) since a time [s], infinite of a sound one, and
+        `pressures` (j,) of joints. The load is forgotten if a faulty encoder has been used.
+        """
+        newly = (self._believed > encoders + PAYLOAD_WINDOW) & (encoders < self._wrong_since)
+        self._wrong_since, self._wrong_pressures = encoders, pressures
+        if newly.any():
+            self._hypotheses.forget()
+
+    def add_command(self, time: float, command: Array) -> None:
+        """Valve commands (j,) [-1..1], in force from `time` [s] on."""
+        if self._flow is not None:
+            self._flow.add_command(time, command)
+
     def add_encoders(self, time: float, position: Array) -> None:
         """Readings [rad, m]; NaN of a joint whose encoder is not to be believed."""
         self.encoders.add(time, position)
@@ -234,11 +265,13 @@ class PayloadEstimator:
         self.estimates.add(time, np.concatenate([position, velocity, deviation]))
 
     def add_pressures(
-        self, time: float, chamber_a: Array, chamber_b: Array
+        self, time: float, chamber_a: Array, chamber_b: Array, supply: float = np.nan
     ) -> list[PayloadEstimate]:
         """Readings [Pa], the clock of all; NaN where nothing was measured. The estimates of all
         windows that are complete by now.
         """
+        if self._flow is not None:
+            self._flow.add_supply(supply)
         newest = self.pressures.newest
         self.pressures.add(time, np.concatenate([chamber_a, chamber_b]))
         begins = not np.isfinite(self._end) or time - newest > PAYLOAD_WINDOW
@@ -276,6 +309,7 @@ class PayloadEstimator:
 
     def _estimate(self, end: float) -> PayloadEstimate:
         motion, (slowest, fastest), deviation = self._motion(end)
+        doubted, measured = self._contradicted(end), deviation == 0.0
         if not np.isfinite(motion.position).all():
             return self._told(end, PayloadCondition.POSITIONS_LOST)
         try:
@@ -284,7 +318,10 @@ class PayloadEstimator:
             return self._told(end, PayloadCondition.POSITIONS_LOST)
         if np.isnan(balance.force).any():
             return self._told(end, PayloadCondition.PRESSURES_LOST)
-        estimated = bool((deviation > 0.0).any())
+        if (doubted & measured).any():
+            return self._told(end, PayloadCondition.ENCODER_IN_DOUBT)
+        self._believed[measured] = end
+        estimated = not measured.all()
         by_place = np.zeros((len(deviation), len(deviation)))
         if estimated:
             load = float(self._hypotheses.believed.filter.x[MASS])
@@ -298,6 +335,7 @@ class PayloadEstimator:
             fastest > 0.0,
             np.exp(-np.abs(motion.velocity) / (CRAWLING * self._standing)),
             by_place,
+            ~measured,
         )
         changed = self._hypotheses.add(end, window)
         self._estimated_until = end
@@ -317,9 +355,12 @@ class PayloadEstimator:
         """
         j = len(self._standing)
         begin = end - PAYLOAD_WINDOW
-        q, v, a = means(*self.encoders.held, begin, end)
+        time, shown = self.encoders.between(begin, end)
+        shown = np.where(time[:, np.newaxis] > self._wrong_since, np.nan, shown)
+        q, v, a = means(time, shown, begin, end)
         p = means(*self.pressures.held, begin, end)[0]
-        speeds, deviation = slowest_and_fastest(*self.encoders.held, begin, end), np.zeros(j)
+        p[np.tile(self._wrong_pressures, 2)] = np.nan
+        speeds, deviation = slowest_and_fastest(time, shown, begin, end), np.zeros(j)
         lost = ~np.isfinite(q)
         if lost.any():
             estimate = means(*self.estimates.held, begin, end)
@@ -330,6 +371,17 @@ class PayloadEstimator:
             a = np.where(lost, estimate[1, j : 2 * j], a)
             deviation = np.where(lost, estimate[0, 2 * j :], deviation)
         return MeanMotion(q, v, a, p[:j], p[j:]), speeds, deviation
+
+    def _contradicted(self, end: float) -> Flags:
+        """(j,) whether the flow contradicts each encoder, or has done so within the window."""
+        time, shown = self.encoders.held
+        clock, pressures = self.pressures.between(self._compared, end)
+        if self._flow is not None and len(clock) > 1 and len(time):
+            self._compared = float(clock[-1])
+            at = np.stack([np.interp(clock[[0, -1]], time, column) for column in shown.T], axis=1)
+            doubted = self._flow.add_window(clock, pressures, *at)
+            self._doubted_until[doubted] = end + PAYLOAD_WINDOW
+        return end < self._doubted_until
 
     def _told(
         self, end: float, condition: PayloadCondition, changed: bool = False
@@ -348,12 +400,13 @@ def replay(
     for reading in recording.readings():
         if isinstance(reading, EncoderReading):
             estimator.add_encoders(*reading)
-        elif isinstance(reading, PressureReading):
+        elif isinstance(reading, CommandReading):
+            estimator.add_command(*reading)
+        else:
             if reading.time >= tared:
                 estimator.tare()
                 tared = np.nan
-            time, chamber_a, chamber_b, _ = reading
-            found += estimator.add_pressures(time, chamber_a, chamber_b)
+            found += estimator.add_pressures(*reading)
     return found
 
 

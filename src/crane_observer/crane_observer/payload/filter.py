@@ -37,6 +37,9 @@ from crane_observer.position.state import NUDGE, Trust, correct, relax
 SLOWER = 1e-2  # share of the velocity, for what grows with it
 SHARE_POWER = 4.0 / 3.0  # of the position estimator's share: no flow is used here
 
+ESTIMATED_VELOCITY = 0.1  # of a velocity that no encoder measures, how wrong it may be
+ESTIMATED_ACCELERATION = 1.0  # the same of an acceleration
+
 HEAVY = 100.0  # kg, standard deviation of a load of which nothing is known
 FAR = 0.5  # m beyond the tip, of the centre of such a load
 TARED = 0.05  # kg, kg m: how well a tare is zero
@@ -247,6 +250,7 @@ class Balanced(NamedTuple):
     upwards: Flags  # (j,) the direction in which it moves
     crawling: Array  # (j,) how near to stopping, 0 to 1
     by_place: Array  # (j, j) force for a standard deviation of each position; 0 of measured ones
+    unmeasured: Flags  # (j,) whose motion no encoder measures that is to be believed
 
 
 class LoadFilter:
@@ -349,7 +353,10 @@ def innovation(x: Array, window: Balanced, doubt: ModelDoubt) -> tuple[Array, Ar
             lever += abs(balance.by_pressure[j, k])
         H[j, KINDS_FROM + LoadState.VISCOUS * joints + j] = balance.viscous[j]
         variance[j] = lever**2 * (doubt.noise**2 + doubt.sensors**2)
-        variance[j] += (doubt.inertia * balance.inertial[j]) ** 2
+        inertia = ESTIMATED_ACCELERATION if window.unmeasured.any() else doubt.inertia
+        variance[j] += (inertia * balance.inertial[j]) ** 2
+        if window.unmeasured[j]:
+            variance[j] += (ESTIMATED_VELOCITY * balance.viscous[j]) ** 2
         by_load = 0.0
         carried_place = KINDS_FROM + LoadState.CARRIED * joints + j
         if moving:

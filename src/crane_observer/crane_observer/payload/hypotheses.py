@@ -169,6 +169,11 @@ class LoadHypothesis:
         self.filter.tare()
         self._candidates = []
 
+    def forget(self) -> None:
+        """Nothing is known of the load any more."""
+        self.filter.another_load()
+        self._candidates = []
+
     def add(self, time: float, window: Balanced) -> bool:
         """One more window; whether it shows that there is another load."""
         unknown_load = self.filter.copy()
@@ -221,6 +226,11 @@ class LoadHypotheses:
         """See `LoadFilter`."""
         for hypothesis in self._hypotheses:
             hypothesis.tare()
+
+    def forget(self) -> None:
+        """See `LoadHypothesis`."""
+        self._hypotheses = [self.believed]
+        self.believed.forget()
 
     def add(self, time: float, window: Balanced) -> bool:
         """One more window; whether another load is believed to hang there now."""

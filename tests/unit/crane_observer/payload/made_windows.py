@@ -22,4 +22,6 @@ def window(load: float, direction: float, held: float, rng: np.random.Generator)
         force=force, asked=zero, up=DRY, down=-DRY, viscous=zero, inertial=zero,
         mass=BY_MASS, moment=0.1 * BY_MASS, by_pressure=np.diag([1e-3, 1e-3, 5e-3]),
     )  # fmt: skip
-    return Balanced(HOP, balance, ~still, still, directions > 0.0, zero, np.zeros((3, 3)))
+    return Balanced(
+        HOP, balance, ~still, still, directions > 0.0, zero, np.zeros((3, 3)), still & False
+    )

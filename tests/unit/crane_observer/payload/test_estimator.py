@@ -283,7 +283,9 @@ def test_a_joint_weighs_where_it_carries_the_load(
     balance = TipMechanics.of(known()).balance(
         MeanMotion(np.array(pose), speed, np.zeros(3), pressures, pressures)
     )
-    window = Balanced(0.15, balance, moving, ~moving, moving, np.zeros(3), np.zeros((3, 3)))
+    window = Balanced(
+        0.15, balance, moving, ~moving, moving, np.zeros(3), np.zeros((3, 3)), moving & False
+    )
     assert (attainable(LoadFilter(ModelDoubt(), 3), window) < WORST_DEVIATION) == permitted
 
 
