@@ -2,7 +2,7 @@
 
 python scripts/check_prose.py            all pages
 python scripts/check_prose.py PAGE ...   these pages
-python scripts/check_prose.py --count    words, and words per sentence, of every page
+python scripts/check_prose.py --count    words outside code, and words per sentence, of every page
 """
 
 import re
@@ -157,13 +157,14 @@ def anchors(path: Path) -> set[str]:
 
 
 def table(names: list[str]) -> Iterator[str]:
-    """Words of each page, and words a sentence."""
+    """Words of each page outside code, and words per sentence."""
     total = 0
     for page in names:
         text = (ROOT / page).read_text("utf-8")
         lengths = [words(one) for one in sentences(text)]
-        total += words(text)
-        yield f"{words(text):6} {sum(lengths) / max(1, len(lengths)):5.1f}  {page}"
+        count = words(FENCE.sub("", text))
+        total += count
+        yield f"{count:6} {sum(lengths) / max(1, len(lengths)):5.1f}  {page}"
     yield f"{total:6}        {len(names)} pages"
 
 
