@@ -314,7 +314,7 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="take from standard input what an operator does at the machine: JOINT=OPENING moves "
         "a lever (positive moves the joint up, 0 lets go), engine=off and engine=on, "
-        "fault=TARGET.PART.KIND as of --fault, from now on, and mended=TARGET.PART",
+        "fault=TARGET.PART.KIND as in --fault, from now on, and repaired=TARGET.PART",
     )
     parser.add_argument(
         "--lock-step",
