@@ -397,6 +397,8 @@ def _parser() -> argparse.ArgumentParser:
         "NAME` explains them. Software is not a safety stop.",
     )
     parser.add_argument(
-        "--joy", action="store_true", help="by a sensor_msgs/Joy on joy, with a deadman button"
+        "--joy",
+        action="store_true",
+        help="follow a joystick (sensor_msgs/Joy on /joy) with a deadman button",
     )
     return parser
