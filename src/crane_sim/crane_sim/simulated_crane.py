@@ -296,11 +296,9 @@ def _parser() -> argparse.ArgumentParser:
         help="further option of the interface, for example port=43113; may be repeated",
     )
     parser.add_argument(
-        "--mapping", type=Path, help="mapping (YAML; default: can.yaml of the laboratory crane)"
+        "--mapping", type=Path, help="mapping (YAML; default: can.yaml of the machine)"
     )
-    parser.add_argument(
-        "--dbc", type=Path, help="DBC file (default: can.dbc of the laboratory crane)"
-    )
+    parser.add_argument("--dbc", type=Path, help="DBC file (default: can.dbc of the machine)")
     cli.add_machine(parser)
     add_plant(parser)
     parser.add_argument(
