@@ -1,8 +1,8 @@
 """Check the prose of the manual: sentences, words and links; `make lint` runs it.
 
-python scripts/check_prose.py            all pages but those in EXEMPT
+python scripts/check_prose.py            all pages
 python scripts/check_prose.py PAGE ...   these pages
-python scripts/check_prose.py --count    words, and words per sentence, of every page
+python scripts/check_prose.py --count    words outside code, and words per sentence, of every page
 """
 
 import re
@@ -43,13 +43,6 @@ WORDS = {
     r"(?<!There )is no": "is not a",
 }
 """Words of earlier pages, and those of the field in their place."""
-EXEMPT: frozenset[str] = frozenset(
-    {
-        "docs/explanation/diagnosis.md",
-    }
-)
-"""Pages that are still to be rewritten. This list only shrinks."""
-
 FENCE = re.compile(r"^(`{3,}|~{3,}).*?^\1`*\s*?$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(?<!!)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 IMAGE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+)\)")
@@ -163,33 +156,26 @@ def anchors(path: Path) -> set[str]:
     return {*targets, *(re.sub(r"[^\w\- ]", "", one).replace(" ", "-") for one in plain)}
 
 
-def stale() -> Iterator[Fault]:
-    """Pages of EXEMPT that are exempt without need."""
-    for page in sorted(EXEMPT):
-        if not (ROOT / page).is_file() or not any(faults(page)):
-            yield Fault(page, "exempt, but it does not exist or has no fault", "take it off EXEMPT")
-
-
 def table(names: list[str]) -> Iterator[str]:
-    """Words of each page, and words a sentence."""
+    """Words of each page outside code, and words per sentence."""
     total = 0
     for page in names:
         text = (ROOT / page).read_text("utf-8")
         lengths = [words(one) for one in sentences(text)]
-        total += words(text)
-        yield f"{words(text):6} {sum(lengths) / max(1, len(lengths)):5.1f}  {page}"
+        count = words(FENCE.sub("", text))
+        total += count
+        yield f"{count:6} {sum(lengths) / max(1, len(lengths)):5.1f}  {page}"
     yield f"{total:6}        {len(names)} pages"
 
 
 def main(arguments: list[str]) -> int:
     """Print every fault; exit status 1 if there is one."""
     counted = "--count" in arguments
-    given = [one for one in arguments if one != "--count"]
-    names = given or [one for one in pages() if counted or one not in EXEMPT]
+    names = [one for one in arguments if one != "--count"] or pages()
     if counted:
         print("\n".join(table(names)))
         return 0
-    found = [fault for page in names for fault in faults(page)] + ([] if given else list(stale()))
+    found = [fault for page in names for fault in faults(page)]
     print("\n".join(map(str, found)) or f"{len(names)} pages: nothing found")
     return int(bool(found))
 

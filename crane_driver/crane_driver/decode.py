@@ -1,4 +1,4 @@
-"""crane_driver decode: a bus log to a table of every signal, or to a bag of the crane's topics."""
+"""Convert a bus log to a table of every signal, or to a bag of the crane's topics."""
 
 import argparse
 from collections.abc import Sequence
@@ -20,21 +20,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--log",
         type=Path,
         required=True,
-        help="log: candump -l, ASC, BLF, TRC, CSV, SQLite, MF4 (which needs asammdf); its content "
-        "tells the format",
+        help="log to read: candump -l, ASC, BLF, TRC, CSV, SQLite or MF4 (needs "
+        "asammdf), detected from its content",
     )
     parser.add_argument(
         "--out",
         type=Path,
         required=True,
-        help="TABLE.csv or TABLE.parquet: one row a value; any other name: folder of a bag "
-        "(mcap), which needs --mapping",
+        help="table to write (.csv, .parquet; one row per value), or folder of a new "
+        "bag (any other name; needs a mapping)",
     )
     parser.add_argument(
         "--mapping",
         type=Path,
-        help="mapping YAML: which signals are joints, pressures, commands (default: can.yaml of "
-        "the machine, unless --dbc alone is named)",
+        help="mapping of signals to joints, pressures and commands (YAML; default: "
+        "can.yaml of the machine, unless only --dbc is given)",
     )
     add_machine(parser)
     add_replace(parser)
@@ -48,8 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--keep-codes",
         action="store_true",
-        help="take J1939 codes such as FFFF, not available, for numbers of a table where the DBC "
-        "states no range; for a bag: codes of the mapping",
+        help="keep J1939 codes such as FFFF (not available) as numbers",
     )
     options = parser.parse_args(argv)
     return run(lambda: _decode(**vars(options)))

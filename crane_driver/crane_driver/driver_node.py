@@ -1,6 +1,6 @@
 """`ros2 run crane_driver driver`: the crane's CAN bus as topics, and safe commands to its valves.
 
-Software is no safety stop: keep the emergency stop of the machine within reach.
+Software is not a safety stop: keep the emergency stop of the machine within reach.
 """
 
 import time
@@ -46,7 +46,7 @@ DIAGNOSTICS_DEPTH = 10  # messages
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 ABOUT_DRIVER = """The crane's CAN bus as topics, and safe commands to its valves. They stay neutral
-until the service ~/enable is called. Software is no safety stop."""
+until the service ~/enable is called. Software is not a safety stop."""
 
 
 class Driver(LifecycleNode):

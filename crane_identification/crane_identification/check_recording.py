@@ -81,9 +81,9 @@ def _lines(checked: Checked) -> list[str]:
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = cli.command_line(
-        description="Check recordings against the machine before anything is fitted to them: "
-        "units, signs, names, chambers, transducers, clocks. The exit status is 1 if one of them "
-        "would make every result wrong.",
+        description="Check units, signs, names, chambers, transducers and clocks of "
+        "recordings before a fit. The exit status is 1 if a problem would "
+        "invalidate every result.",
         epilog=f"Recordings are bags (folders) or tables ({', '.join(TABLES)}) with a column map.",
     )
     add = result.add_argument
@@ -91,8 +91,8 @@ def parser() -> argparse.ArgumentParser:
     machine.add_argument(
         "--machine", type=Path, help="machine: name, folder or file (default: the laboratory crane)"
     )
-    machine.add_argument("--model", type=Path, help="model file; its machine and its joints")
-    add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
+    machine.add_argument("--model", type=Path, help="model file; defines machine and joints")
+    add("--terms", type=Path, metavar="FILE", help="Python file with your own terms")
     add("--columns", type=Path, help="column map (YAML) of the tables")
     add_part(result)
     add("recordings", type=Path, nargs="+", metavar="RECORDING")

@@ -23,8 +23,8 @@ from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.progress_bar import ProgressBar
 
-WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
-FIXED = "what has changed since the model was made? Keeps its values"
+WITHOUT = "effects to exclude, by their names in findings.json"
+FIXED = "keep the values of the model, and find what has changed since its identification"
 NEEDED = ("model", "train", "validate", "out")
 
 
@@ -125,23 +125,22 @@ def _tell(content: dict[str, Any], folder: Path) -> None:
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = cli.command_line(
-        description="Find where a model disagrees with recordings, name the missing effect, add "
-        "it, and show on held-out recordings that the gap shrank. Writes findings.json, model.yaml "
-        "and report.html.",
+        description="Find where a model disagrees with recordings, name the missing effect, "
+        "add it to the model, and validate it on held-out recordings. Writes "
+        "findings.json, model.yaml and report.html.",
         epilog=f"Recordings are bags (folders) or tables ({', '.join(TABLES)}) with a column map.",
     )
     add = result.add_argument
     add("--model", type=Path, help="model file (YAML) that lists the terms")
-    add_recordings(result, "--train", "recordings to look into")
-    add_recordings(result, "--validate", "recordings to prove the answer on")
+    add_recordings(result, "--train", "recordings to diagnose")
+    add_recordings(result, "--validate", "held-out recordings to validate the answer on")
     add("--out", type=Path, help="folder for the results")
     cli.add_replace(result)
     add(
         "--terms",
         type=Path,
         metavar="FILE",
-        help="Python file with terms of your own; those with an effect are sought, and reported "
-        "if they are not named, too",
+        help="Python file with your own terms; `diagnose` searches and reports their effects, too",
     )
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_processing(result)
@@ -151,10 +150,10 @@ def parser() -> argparse.ArgumentParser:
     add(
         "--hydraulics",
         type=Path,
-        help="what is usual of valves and oil the model does not hold (YAML)",
+        help="usual values of valves and oil that the model does not contain (YAML)",
     )
     add_trust(result)
-    add("--explain", type=Path, metavar="DIR", help="print the answer in DIR")
+    add("--explain", type=Path, metavar="DIR", help="print the answer of the diagnosis in DIR")
     return result
 
 

@@ -264,10 +264,10 @@ def parser() -> argparse.ArgumentParser:
     add = result.add_argument
     add("--model", type=Path, required=True, help="model file (YAML) that lists the terms")
     add_recordings(result, "--train", "recordings to fit the model to", required=True)
-    add_recordings(result, "--validate", "recordings to validate it on")
+    add_recordings(result, "--validate", "held-out recordings to validate the model on")
     add("--out", type=Path, required=True, help="folder for the results")
     cli.add_replace(result)
-    add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
+    add("--terms", type=Path, metavar="FILE", help="Python file with your own terms")
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_processing(result)
     add(
@@ -283,40 +283,37 @@ def parser() -> argparse.ArgumentParser:
     add(
         "--prior",
         type=Path,
-        help="what is known beforehand (YAML): parameters, or bodies from CAD, with their standard "
-        "deviations; for recordings that do not determine the model alone",
+        help="prior knowledge with standard deviations (YAML): parameters, or bodies from CAD",
     )
     add(
         "--ramps",
         type=Path,
-        help="result.yaml of bringup dead_band: valves of joints of which recordings tell nothing",
+        help="result.yaml of `bringup dead_band`, for valves that the recordings do not determine",
     )
     apart = result.add_mutually_exclusive_group()
     apart.add_argument(
         "--stream",
         action="store_true",
-        help="one training recording after the other, so that memory does not grow with their "
-        "number; least squares, and no report",
+        help="process one training recording after the other, so that memory does not "
+        "grow; least squares only, without a report",
     )
     apart.add_argument(
         "--cluster",
         metavar="ADDRESS",
-        help="scheduler of a Dask cluster (tcp://HOST:PORT) whose workers read the training bags; "
-        "for more of them than one machine holds",
+        help="scheduler of a Dask cluster (tcp://HOST:PORT) whose workers read the training bags",
     )
     add_trust(result)
     add(
         "--recursive",
         action="store_true",
-        help="also run the recursion of the identification node over the training recordings, one "
-        "after the other, and show beside the fit what it finds",
+        help="also run the recursive estimator of the identification node over the "
+        "training recordings, and print its result next to the fit",
     )
     add(
         "--reference-values",
         type=Path,
-        help="JSON or YAML file of known values by name, of parameters and of hydraulics as "
-        "lag.JOINT (say, those that `crane_sim true_values --json` prints), shown in the report "
-        "beside the estimates",
+        help="file of known values by name (JSON, YAML), for example from `crane_sim "
+        "true_values --json`, to print next to the estimates",
     )
     return result
 

@@ -18,6 +18,7 @@ HUMAN_UNITS = {"Pa": ("bar", 1e-5), "1/Pa": ("1/GPa", 1e9), "m3/(s Pa)": ("mL/(m
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _UNIT_POWERS = str.maketrans("23", "²³")
 _LONGEST = 6  # digits before or behind the point; numbers beyond are written with a power of ten
+_SMALLEST, _FINEST = -3, 9  # a number from 10^-3 on has more digits, so that a table reads as one
 
 
 def with_uncertainty(value: float, std_dev: float) -> tuple[str, str]:
@@ -32,7 +33,7 @@ def with_uncertainty(value: float, std_dev: float) -> tuple[str, str]:
         return plain(value, 4), NONE
     decimals = 1 - floor(log10(float(f"{std_dev:.1e}")))
     size = floor(log10(max(abs(value), std_dev)))
-    if size > _LONGEST or decimals > _LONGEST:
+    if size > _LONGEST or decimals > (_LONGEST if size < _SMALLEST else _FINEST):
         scale = 10.0**-size
         power = f"·10{str(size).translate(_SUPERSCRIPTS)}"
         return (

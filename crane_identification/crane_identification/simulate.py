@@ -69,8 +69,8 @@ def run(request: SimulationRequest) -> None:
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = cli.command_line(
-        description="Simulate an identified model over windows of recordings that it has not seen, "
-        "each from its measured state, and print how far it is off at their ends."
+        description="Simulate an identified model over windows of held-out recordings, each "
+        "from the measured state, and print the errors at the end of the windows."
     )
     add = result.add_argument
     add("--model", type=Path, required=True, help="model file with values, from identify")
@@ -78,8 +78,8 @@ def parser() -> argparse.ArgumentParser:
     add(
         "--from-commands",
         action="store_true",
-        help="drive the model by the valve commands alone, through its hydraulics; without, by the "
-        "measured pressures",
+        help="simulate from valve commands, through the hydraulics (default: from "
+        "measured pressures)",
     )
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_part(result)

@@ -115,68 +115,90 @@ class DesignRequest:
 def parser() -> argparse.ArgumentParser:
     """The command line of `design`."""
     result = command_line(
-        description="Find excitation trajectories by (35), or lay out sweeps, and write them with "
-        "figures of merit and a picture."
+        description="Design excitation trajectories or sweeps within all limits, and write "
+        "them with figures of merit and a picture."
     )
     what = result.add_mutually_exclusive_group(required=True)
     period = between(SHORTEST_PERIOD, LONGEST_PERIOD)
-    what.add_argument("--period", type=period, help="of a Fourier trajectory (32) [s]")
+    what.add_argument("--period", type=period, help="period of a Fourier trajectory [s]")
     what.add_argument(
         "--sweeps", type=above(0.0, 1.0), nargs="+", metavar="SHARE",
-        help="instead: every joint in turn at these shares of its velocity limit, both ways",
+        help="sweeps instead: velocities of each joint in turn, relative to its "
+        "velocity limit, in both directions",
     )  # fmt: skip
     what.add_argument(
         "--discriminate", type=Path, metavar="DIR",
-        help="instead: the motion that best discriminates what the diagnosis in DIR left open",
+        help="folder of a diagnosis; the motion discriminates best between its open "
+        "effects",
     )  # fmt: skip
     add = result.add_argument
     add(
         "--duration", type=between(20.0, LONGEST_PERIOD),
-        help="with --discriminate, duration of the recording [s] "
+        help="with --discriminate: duration of the recording [s] "
         f"(default: {OF_DISCRIMINATION['duration']:g})",
     )  # fmt: skip
     add(
         "--load", type=above(0.0),
-        help="with --discriminate, a known mass that there is to hang at the tip [kg] "
+        help="with --discriminate: known mass that is available for the tip [kg] "
         f"(default: {OF_DISCRIMINATION['load']:g})",
     )  # fmt: skip
     add(
         "--terms",
         type=Path,
         metavar="FILE",
-        help="with --discriminate, as it was given to diagnose",
+        help="with --discriminate: Python file of terms that was given to diagnose",
     )
     add("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s]")
-    add("--harmonics", type=whole(1, MOST_HARMONICS), default=5, help="N of (32)")
+    add(
+        "--harmonics",
+        type=whole(1, MOST_HARMONICS),
+        default=5,
+        help="number of harmonics (default: 5)",
+    )
     add(
         "--criterion", type=one_of(CriterionKind), choices=list(CriterionKind),
-        default=CriterionKind.PRODUCT, help="to minimise (35)",
+        default=CriterionKind.PRODUCT, help="criterion to minimise (default: %(default)s)",
     )  # fmt: skip
     add(
         "--columns", type=one_of(ColumnSet), choices=list(ColumnSet), default=ColumnSet.BASE,
-        help="that the criterion is of: all of the model, those of (9), or of rigid bodies alone",
+        help="terms that count: all of the model, those of the paper, or rigid bodies "
+        "only",
     )  # fmt: skip
-    add("--count", type=whole(1), help="trajectories of a campaign; --out is then a new folder")
-    add("--after", type=Path, nargs="+", default=[], help="trajectories already recorded")
+    add(
+        "--count",
+        type=whole(1),
+        help="number of trajectories that complement each other; --out is then a new folder",
+    )
+    add(
+        "--after",
+        type=Path,
+        nargs="+",
+        default=[],
+        help="trajectory files that were already recorded",
+    )
     add(
         "--acceleration", type=_bound, nargs="+", default=[], metavar="JOINT=VALUE",
-        help="bounds [rad/s2, m/s2]; none by default",
+        help="acceleration limits [rad/s2, m/s2] (default: none)",
     )  # fmt: skip
     add(
         "--without", type=one_of(Limit), choices=list(Limit), nargs="+", default=[],
-        help="limits that do not count",
+        help="limits to ignore",
     )  # fmt: skip
-    add("--seed", type=whole(0), default=1, help="of the random starts")
-    add("--starts", type=whole(1), default=16, help="local searches to run")
+    add("--seed", type=whole(0), default=1, help="seed of the random starts")
+    add("--starts", type=whole(1), default=16, help="number of random starts")
     add(
         "--probe", type=above(0.0, LARGEST_PROBE), metavar="COMMAND",
-        help="add a pseudo-random command of this size, such as 0.02, on top of the motion: it "
-        "tells how fast the valves are, in a recording of its own",
+        help="magnitude of an added pseudo-random valve command, such as 0.02, which "
+        "shows the speed of the valves",
     )  # fmt: skip
     add_machine(result)
-    add("--model", type=Path, help="model file; default: the machine's")
-    add("--settings", type=Path, help="of the search; default: the machine's")
-    add("--clearance", type=Path, help="of the tip; default: the machine's")
+    add("--model", type=Path, help="model file (default: that of the machine)")
+    add("--settings", type=Path, help="design settings (YAML; default: design.yaml of the machine)")
+    add(
+        "--clearance",
+        type=Path,
+        help="clearance of the tip (YAML; default: clearance.yaml of the machine)",
+    )
     add("--out", type=Path, required=True, help="trajectory file to write (YAML)")
     add_replace(result)
     return result

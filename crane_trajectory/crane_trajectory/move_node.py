@@ -84,7 +84,7 @@ def segments(move: Move, machine: Machine, start: np.ndarray) -> list[Segment]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Plan a path of the tip, check and show it; with --run, take the crane along it."""
+    """Plan and check a path of the tip; with --run, move the crane along it."""
     argv = sys.argv if argv is None else ["move", *argv]
     move = _request(_parser().parse_args(own_arguments(argv[1:])))
     interrupted = False
@@ -176,8 +176,8 @@ class _Point(argparse.Action):
 def _parser() -> argparse.ArgumentParser:
     parser = command_line(prog="move", description=main.__doc__)
     points = {
-        "--to": "next point of the tip [m]: in the base frame, or its distance from the pillar and "
-        "its height in the plane of the boom; give it once for each line",
+        "--to": "next point of the tip [m]: three numbers in the base frame, or distance from the "
+        "pillar and height; once for each line",
         "--through": "point of an arc, whose end is the next --to",
     }
     for option, meaning in points.items():
@@ -191,9 +191,7 @@ def _parser() -> argparse.ArgumentParser:
             metavar="METRES",
             help=meaning,
         )
-    parser.add_argument(
-        "--relative", action="store_true", help="points count from where the tip is now"
-    )
+    parser.add_argument("--relative", action="store_true", help="count points from the present tip")
     parser.add_argument(
         "--speed",
         type=above(0.0),
@@ -212,13 +210,13 @@ def _parser() -> argparse.ArgumentParser:
         nargs="+",
         default=[],
         metavar="JOINT=VALUE",
-        help="plan from this pose [rad, m] without a crane; joints that are not named are in the "
-        "middle of their ranges (default: where the crane is)",
+        help="initial positions without a crane [rad, m]; other joints are in the "
+        "middle of their ranges (default: present positions of the crane)",
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="trajectory file to write")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="picture of it to write")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="picture to write")
     add_replace(parser)
-    parser.add_argument("--run", action="store_true", help="move the crane; else only plan")
+    parser.add_argument("--run", action="store_true", help="move the crane (default: only plan)")
     parser.add_argument(
         "--enable", action="store_true", help="enable the driver before, and disable it after"
     )

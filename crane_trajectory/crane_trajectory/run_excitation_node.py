@@ -1,6 +1,6 @@
 """`ros2 run crane_trajectory run_excitation`: sends a goal to the trajectory node and shows it run.
 
-HAZARD: the crane moves by itself. Ctrl-C brings it to rest; software is no safety stop.
+HAZARD: the crane moves by itself. Ctrl-C brings it to rest; software is not a safety stop.
 """
 
 import sys
@@ -199,11 +199,12 @@ def _request(argv: Sequence[str]) -> RunRequest:
         "--trajectory",
         type=Path,
         required=True,
-        help="file, where the trajectory node runs; a bare name: that of its machine",
+        help="trajectory file on the computer of the trajectory node, or the bare name"
+        " of one in the machine folder",
     )
-    add("--periods", type=whole(1, MOST_PERIODS), required=True, help="whole periods to run")
+    add("--periods", type=whole(1, MOST_PERIODS), required=True, help="number of periods to run")
     add("--enable", action="store_true", help="enable the driver before, and disable it after")
-    add("--result", type=Path, metavar="FILE", help="write the result of the action, as JSON")
+    add("--result", type=Path, metavar="FILE", help="new file for the result of the action (JSON)")
     add_replace(parser)
     return RunRequest(**vars(parser.parse_args(argv)))
 

@@ -4,7 +4,7 @@ Every joint state that arrives is answered at once by a reference and a valve co
 driver paces the loop, at the rate of its encoders, and no time is lost between the two. A timer of
 the steady clock watches that joint states arrive.
 
-Software is no safety stop: keep the emergency stop of the machine within reach.
+Software is not a safety stop: keep the emergency stop of the machine within reach.
 """
 
 import time
@@ -358,7 +358,7 @@ class Trajectory(LifecycleNode):
 
 
 ABOUT = """Moves the crane along excitation trajectories, as goals of the action
-run_excitation ask. Software is no safety stop."""
+run_excitation ask. Software is not a safety stop."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -188,29 +188,35 @@ class TuneRequest(NamedTuple):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Try a controller on the identified simulation, and print its margins; nothing moves."""
+    """Test a controller on the identified simulation, and print its margins. Nothing moves."""
     parser = cli.command_line(prog="tune", description=main.__doc__)
     parser.add_argument(
         "--model", type=Path, required=True, help="model file with identified hydraulics"
     )
     parser.add_argument(
-        "--law", choices=NAMES, default=PD_DEAD_BAND, help="as of the trajectory node"
+        "--law",
+        choices=NAMES,
+        default=PD_DEAD_BAND,
+        help="controller, as of the trajectory node (default: %(default)s)",
     )
     parser.add_argument(
         "--feedback-scale",
         type=between(0.05, 2.0),
         default=1.0,
-        help="of the gains of laws that use the model, as of the trajectory node (default: 1)",
+        help="scale of the feedback gains of model-based controllers (default: 1)",
     )
     cli.add_machine(parser)
     parser.add_argument(
-        "--controller", type=Path, help="file of the gains of (36) (default: the machine's)"
+        "--controller",
+        type=Path,
+        help="gains of the PD controller (YAML; default: controller.yaml of the machine)",
     )
     parser.add_argument(
         "--trajectory",
         type=Path,
         default=Path("excitation_20s.yaml"),
-        help="file, or a bare name: that of the machine (default: %(default)s)",
+        help="trajectory file, or the bare name of one in the machine folder (default:"
+        " excitation_20s.yaml)",
     )
     request = TuneRequest(**vars(parser.parse_args(argv)))
     return cli.run(lambda: _tune(request))

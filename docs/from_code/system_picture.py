@@ -1,4 +1,4 @@
-"""The system diagram as SVG: nodes with topics and services, and commands with files."""
+"""Boxes and arrows as SVG: nodes and topics, commands and files, the decisions of `diagnose`."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -10,7 +10,7 @@ HEAD = 6.0  # px, length of an arrow head
 
 
 class Box(NamedTuple):
-    """Lines of text in a frame, by its centre [px]; a file has round corners."""
+    """Lines of text in a frame, by its centre [px]; a file or an answer has round corners."""
 
     x: float
     y: float
@@ -84,13 +84,52 @@ OFFLINE_ARROWS = (
     Arrow("findings", "design", ("--discriminate",), 0.0, 0.7),
     Arrow("model", "use"),
 )
+DIAGNOSIS = {
+    "given": Box(90, 40, ("model, recordings",), True),
+    "fit": Box(290, 40, ("fit the model,", "whiten the residual")),
+    "select": Box(520, 40, ("select the effect", "that explains most")),
+    "test": Box(520, 150, ("test it: chance, magnitude,", "other data, other effects")),
+    "change": Box(270, 110, ("passed: add it to the model", "failed: exclude it")),
+    "predict": Box(725, 130, ("predict the", "held-out recordings")),
+    "found": Box(640, 245, ("do effects close the", "held-out error?")),
+    "more": Box(410, 245, ("error left", "beyond noise?")),
+    "rival": Box(200, 245, ("another effect", "as good?")),
+    "named": Box(55, 245, ("named",), True),
+    "and_more": Box(410, 330, ("named_and_more",), True),
+    "ambiguous": Box(200, 330, ("ambiguous",), True),
+    "error": Box(640, 330, ("error beyond", "noise?")),
+    "unknown": Box(757, 330, ("unknown",), True),
+    "show": Box(640, 415, ("would effects", "show?")),
+    "none": Box(500, 415, ("none",), True),
+    "insufficient": Box(640, 495, ("insufficient_data",), True),
+}
+DIAGNOSIS_ARROWS = (
+    Arrow("given", "fit"),
+    Arrow("fit", "select"),
+    Arrow("select", "test"),
+    Arrow("test", "change"),
+    Arrow("change", "select"),
+    Arrow("select", "predict", ("no gain", "beyond chance")),
+    Arrow("predict", "found"),
+    Arrow("found", "more", ("yes",)),
+    Arrow("more", "and_more", ("yes",)),
+    Arrow("more", "rival", ("no",)),
+    Arrow("rival", "ambiguous", ("yes",)),
+    Arrow("rival", "named", ("no",)),
+    Arrow("found", "error", ("no",)),
+    Arrow("error", "unknown", ("yes",)),
+    Arrow("error", "show", ("no",)),
+    Arrow("show", "none", ("yes",)),
+    Arrow("show", "insufficient", ("no",)),
+)
 
 
 def pages() -> dict[str, str]:
-    """The two pictures that the page on the system includes."""
+    """The pictures that the pages on the system and on the diagnosis include."""
     made = {
         "system_live.txt": svg("Nodes, topics and services", LIVE, LIVE_ARROWS, 380),
         "system_files.txt": svg("Commands and files", OFFLINE, OFFLINE_ARROWS, 290),
+        "diagnosis_chart.txt": svg("Decisions of diagnose", DIAGNOSIS, DIAGNOSIS_ARROWS, 525),
     }
     return {
         name: f'```{{raw}} html\n<div class="system">\n{drawn}\n</div>\n```\n'

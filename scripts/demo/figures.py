@@ -58,7 +58,7 @@ def rows(
     ):  # fmt: skip
         yield of_joints(name, what, _known(errors), ".2%")
     yield of_joints("friction_share", "friction in τ", _known(summary.friction_share), ".0%")
-    yield _tracked("tracking", "RMS tracking error by (36)", outcome.tracking_rms, units)
+    yield _tracked("tracking", "RMS tracking error, PD controller", outcome.tracking_rms, units)
     if followed := outcome.following:
         what = f"the same by `{followed.controller}` with the fitted model"
         yield _tracked("following", what, followed.tracking_rms, units, digits=2)

@@ -1,4 +1,4 @@
-"""The fitted model leads the crane through the motion of the fit: how well, beside (36)."""
+"""Tracking errors of the model-based controller and of the PD controller (36) on one motion."""
 
 from typing import NamedTuple
 
@@ -42,10 +42,10 @@ def measured(law: CraneRun) -> Following:
 
 
 def table(law: CraneRun, after: Following) -> Table:
-    """Tracking error before, by (36), and after."""
+    """RMS tracking errors with the PD controller (36), and with the model-based controller."""
     result = plain_table("RMS tracking error on the motion of the fit, live: before and after")
     result.add_column("joint", no_wrap=True)
-    for heading in ("(36)", after.controller, "times better"):
+    for heading in ("PD controller", after.controller, "times better"):
         result.add_column(heading, justify="right")
     before = _errors(law, "train")
     for joint, unit in load_machine(law.machine).units.items():
@@ -59,21 +59,23 @@ def table(law: CraneRun, after: Following) -> Table:
 
 
 def draw(law: CraneRun) -> None:
-    """Write the errors of both runs over time, of the joints that move, as a picture."""
+    """Draw the tracking errors of both runs over time, for each joint that moves."""
     machine = load_machine(law.machine)
     before, after = _followed(law, "train"), _followed(law, "follow")
     moved = np.flatnonzero(np.ptp(before.reference, axis=0) >= MOVED)
     figure = Figure(figsize=(11.0, 1.0 + 2.2 * len(moved)), layout="constrained")
-    figure.suptitle("Tracking error on the motion of the fit; on the right what the model leaves")
     axes = figure.subplots(len(moved), 2, sharex=True, squeeze=False)
+    axes[0, 0].set_title("tracking error")
+    axes[0, 1].set_title("tracking error of the model-based controller, magnified")
     end = after.time[-1]
+    name = f"model-based controller ({law.controller})"
     for row, i in zip(axes, moved, strict=True):
         joint = machine.joint_names[i]
         label = f"{joint.replace('_', ' ')} [m{machine.units[joint]}]"
         inside = before.time <= end
-        _curve(row[0], before.time[inside], before.error[inside, i], BEFORE, "(36)")
-        _curve(row[0], after.time, after.error[:, i], AFTER, law.controller)
-        _curve(row[1], after.time, after.error[:, i], AFTER, law.controller)
+        _curve(row[0], before.time[inside], before.error[inside, i], BEFORE, "PD controller")
+        _curve(row[0], after.time, after.error[:, i], AFTER, name)
+        _curve(row[1], after.time, after.error[:, i], AFTER, name)
         row[0].set_ylabel(label)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     for panel in axes[-1]:

@@ -91,7 +91,7 @@ def operate(stage: Stage, line: str) -> None:
     assert stage.machine.stdin and stage.machine.stdout
     stage.machine.stdin.write(f"{line}\n")
     stage.machine.stdin.flush()
-    next(said for said in stage.machine.stdout if said.startswith(("fault: ", "mended: ")))
+    next(said for said in stage.machine.stdout if said.startswith(("fault: ", "repaired: ")))
 
 
 def encoder_frame(stage: Stage) -> Frame:

@@ -161,7 +161,7 @@ def test_an_encoder_that_is_frozen_stops_the_crane(stage: Stage, hand: Commander
     still = seconds_told(r"slew: frozen: its position has not changed for (\d+) ms", said)
     assert SAFETY.still_time <= still <= SAFETY.still_time + SLACK
     assert math.isnan(stage.measured().position[0])
-    operate(stage, "mended=slew.encoder")
+    operate(stage, "repaired=slew.encoder")
     stage.disabled()
 
 

@@ -90,7 +90,7 @@ def test_a_page_is_armed_by_the_token_enables_and_stops(
     with Page(installed(), panel.url, *size) as page:
         until(lambda: shows(page, "disabled"))
         assert disabled(page, "enable")
-        assert page.evaluate("document.body.textContent.includes('Stop is no safety stop')")
+        assert page.evaluate("document.body.textContent.includes('Stop is not a safety stop')")
         assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
         until(lambda: armed(page, panel.token))
         enable = {"disabled": "enable", "fault": "reset"}

@@ -35,7 +35,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         type=between(0.0),
         default=Options().begin,
         metavar="SECONDS",
-        help="begin of the part to use, from the start of each recording",
+        help="begin of the part to use [s], counted from the start of each recording (default: 0)",
     )
     parser.add_argument(
         "--to",
@@ -43,14 +43,15 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         type=between(0.0),
         default=Options().end,
         metavar="SECONDS",
-        help="end of the part to use, from the start of each recording",
+        help="end of the part to use [s], counted from the start of each recording "
+        "(default: its end)",
     )
     parser.add_argument(
         "--rate",
         type=above(0.0),
         metavar="HZ",
-        help="rate to which faster signals are slowed down, behind a low-pass against aliases "
-        "(default: as recorded)",
+        help="rate to which faster signals are reduced, behind an anti-aliasing filter"
+        " [Hz] (default: as recorded)",
     )
     parser.add_argument(
         "--namespace",
@@ -66,7 +67,7 @@ def add_processing(parser: argparse.ArgumentParser) -> None:
         "--period",
         type=above(0.0),
         metavar="SECONDS",
-        help="period over which to average (default: found in the recordings)",
+        help="period to average over [s] (default: found in the recordings)",
     )
     parser.add_argument(
         "--no-average",
@@ -89,6 +90,5 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--trust-recordings",
         action="store_true",
-        help="go on with recordings that look wrong (see check_recording); what is suspicious "
-        "becomes a warning",
+        help="continue with recordings that fail check_recording; its findings become warnings",
     )

@@ -1,9 +1,8 @@
-"""make discrepancy-benchmark: does `diagnose` find what is hidden in the simulated crane?
+"""Measure how often `diagnose` finds the effect that was injected into a simulated crane.
 
-One process makes bags of machines that hide effects, a second one answers from the bags alone, a
-third opens the labels and scores. What is finished is kept, so that an interrupted run goes on
-where it was; code should not change in between. Bags do not depend on thresholds: they may be made
-ahead, and serve for the next thresholds too if they are kept.
+One process makes bags of machines with injected effects. A second process answers from the bags
+alone. A third process opens the ground truth and scores. An interrupted run continues with the
+same code. Bags do not depend on thresholds, so they can be made ahead and kept.
 """
 
 import os
@@ -249,21 +248,41 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--simulator",
         type=Simulator,
         choices=list(Simulator),
-        help="only cases of machines from there",
+        help="simulator of the cases (default: both)",
     )
     add("--cases", type=int, help=", ".join(f"{n} ({s.value})" for s, n in CASE_COUNTS.items()))
-    add("--sets", type=int, default=2, help="of three recordings to train on, in each case")
-    add("--quick", action="store_true", help="one short recording each: to try the machinery")
-    add("--workers", type=int, default=os.cpu_count() or 1, help="processes")
-    add("--out", type=Path, default=Path("runs/discrepancy_benchmark"), help="folder")
-    add("--keep-bags", action="store_true", help="100 MB a case; to answer again")
-    add("--bags-only", action="store_true", help="make the bags of all cases, and stop")
     add(
-        "--cluster", metavar="ADDRESS", help="of a Dask scheduler whose workers see the same folder"
+        "--sets",
+        type=int,
+        default=2,
+        help="number of sets of three training recordings in each case",
+    )
+    add(
+        "--quick",
+        action="store_true",
+        help="one short recording for each case, to test the benchmark itself",
+    )
+    add("--workers", type=int, default=os.cpu_count() or 1, help="number of processes")
+    add(
+        "--out",
+        type=Path,
+        default=Path("runs/discrepancy_benchmark"),
+        help="folder for bags, answers and results",
+    )
+    add("--keep-bags", action="store_true", help="keep the bags (100 MB per case), to answer again")
+    add("--bags-only", action="store_true", help="only make the bags of all cases")
+    add(
+        "--cluster",
+        metavar="ADDRESS",
+        help="address of a Dask scheduler whose workers share the folder",
     )
     add("--lock", action="store_true", help="write the calibrated thresholds to the package")
-    add("--gates", type=Path, help="file for thresholds that these clean cases calibrate")
-    add("--thresholds", type=Path, help="answer with these (YAML; default: the packaged ones)")
+    add("--gates", type=Path, help="new file for the thresholds that these clean cases calibrate")
+    add(
+        "--thresholds",
+        type=Path,
+        help="thresholds to answer with (YAML; default: the packaged file)",
+    )
     arguments = parser.parse_args(argv)
     if arguments.lock and arguments.which not in CLEAN:
         parser.error(f"--lock: calibrate with --set {' or '.join(CLEAN)}")

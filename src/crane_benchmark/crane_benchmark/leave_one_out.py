@@ -148,9 +148,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Answer the single effects of a set without their own entries; results and a table."""
     parser = command_line(prog="leave_one_out", description=main.__doc__)
     add = parser.add_argument
-    add("--out", type=Path, default=Path("runs/discrepancy_benchmark"), help="as of the benchmark")
+    add(
+        "--out",
+        type=Path,
+        default=Path("runs/discrepancy_benchmark"),
+        help="folder of the benchmark",
+    )
     add("--set", type=CaseSet, choices=list(CaseSet), default=CaseSet.TUNING, dest="which")
-    add("--round", default="", help="folder of the answers in it (default: itself)")
+    add("--round", default="", help="folder of the answers within the folder (default: itself)")
     add("--workers", type=int, default=1)
     arguments = parser.parse_args(argv)
     folders = Folders(arguments.out / arguments.which.value, arguments.round)

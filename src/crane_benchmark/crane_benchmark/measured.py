@@ -122,7 +122,7 @@ def tell(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command, and write how long it took if it ends well."""
     parser = argparse.ArgumentParser(prog="measured", description=main.__doc__)
-    parser.add_argument("out", type=Path, help="file for the figures (JSON)")
+    parser.add_argument("out", type=Path, help="file for the results (JSON)")
     parser.add_argument("command", nargs=argparse.REMAINDER)
     arguments = parser.parse_args(argv)
     begin = time.monotonic()

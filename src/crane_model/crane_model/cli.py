@@ -113,14 +113,14 @@ def add_machine(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--machine",
         metavar="NAME",
-        help="machine that ships with the suite by its name, or the folder or machine file of "
-        f"another (default: {DEFAULT_MACHINE})",
+        help="machine: name of a shipped machine, folder or machine file "
+        f"(default: {DEFAULT_MACHINE})",
     )
 
 
 def add_replace(parser: argparse.ArgumentParser) -> None:
     """The option that lets a command write over results; recordings are never written over."""
-    parser.add_argument("--replace", action="store_true", help="write over the files that exist")
+    parser.add_argument("--replace", action="store_true", help="overwrite existing files")
 
 
 def check_out(*files: Path, replace: bool = False) -> None:

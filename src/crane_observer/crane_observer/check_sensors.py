@@ -25,22 +25,26 @@ class SensorRequest(NamedTuple):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Look for faulty sensors, and valves that do not follow their commands, in recordings; by an
-    identified model. The exit status is 1 if one is not fit for identification.
+    """Find faulty sensors, and valves that do not follow their commands, in recordings, by an
+    identified model. The exit status is 1 if a recording is not fit for identification.
     """
     parser = cli.command_line(description=main.__doc__)
     add = parser.add_argument
     add("--bag", type=Path, nargs="+", required=True, help="recordings")
     add("--model", type=Path, required=True, help="identified model file, with hydraulics")
-    add("--tolerance", type=Path, help="file that --learn wrote (default: a wide tolerance)")
+    add("--tolerance", type=Path, help="tolerance file from --learn (default: a wide tolerance)")
     add(
         "--learn",
         type=Path,
         metavar="FILE",
-        help="nothing is wrong in these recordings: learn from them how far the model is off on "
-        "this machine, and write it to a new file",
+        help="new file for the tolerance of this machine, learned from these "
+        "recordings, which must be free of faults",
     )
-    add("--picture", type=Path, help="new file (png, pdf, svg): residuals of the first recording")
+    add(
+        "--picture",
+        type=Path,
+        help="new picture of the residuals of the first recording (png, pdf, svg)",
+    )
     request = SensorRequest(**vars(parser.parse_args(argv)))
     if request.learn and (request.tolerance or request.picture):
         parser.error("--learn: goes with neither --tolerance nor --picture")
@@ -87,8 +91,8 @@ def _learn(model: Model, bags: Sequence[Path], file: Path) -> None:
     minutes = sum(np.ptp(recording.time) for recording in sums) / 60.0
     print(f"written: {file}, from {minutes:.1f} minutes")
     print(
-        f"an alarm takes {tolerance.level:.0%} of a tolerance: as these recordings tell, a machine "
-        f"without a fault does so once in {HOURS_PER_FALSE_ALARM:g} hours"
+        f"an alarm begins at {tolerance.level:.0%} of the tolerance: expect one false alarm in "
+        f"{HOURS_PER_FALSE_ALARM:g} hours"
     )
 
 

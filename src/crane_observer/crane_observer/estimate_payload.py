@@ -39,8 +39,8 @@ class PayloadRequest(NamedTuple):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Estimate the load at the tip in a recording by pressures and encoders; write a log of lifts
-    and the load over time.
+    """Estimate the payload in a recording from pressures and encoders; write a log of lifts and
+    the payload over time.
     """
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument("--bag", type=Path, required=True, help="recording")
@@ -50,8 +50,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         type=between(0.0, 1e6),
         default=np.nan,
         metavar="TIME",
-        help="s after the first pressures: what hangs at the tip then counts as nothing, best "
-        "after some seconds of motion",
+        help="time from the first pressures at which the payload counts as zero [s], "
+        "best after some seconds of motion",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the results")
     cli.add_replace(parser)

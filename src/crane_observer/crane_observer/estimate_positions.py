@@ -45,9 +45,8 @@ class Estimates(NamedTuple):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Estimate positions and the load at the tip by pressures, valve commands and the encoders
-    that are left, as the node does, and smoothed, with all that came later; write a table and a
-    picture, with errors where encoders exist.
+    """Estimate positions and payload from pressures, valve commands and the remaining encoders:
+    as the node does, and smoothed. Write a table and a picture, with errors where encoders exist.
     """
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument("--bag", type=Path, required=True, help="recording")
@@ -55,22 +54,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--model", type=Path, required=True, help="identified model file, best with hydraulics"
     )
     parser.add_argument(
-        "--without", nargs="+", default=[], metavar="JOINT", help="whose encoders are not used"
+        "--without",
+        nargs="+",
+        default=[],
+        metavar="JOINT",
+        help="joints whose encoders are not used",
     )
     parser.add_argument(
         "--start",
         nargs="+",
         default=[],
         metavar="JOINT=POSITION",
-        help=f"where a joint without encoder starts [rad, m], its end '{LOWER}' or '{UPPER}', or "
-        f"'{UNKNOWN}' (default: its first reading, where the bag has one)",
+        help="initial position of a joint without encoder [rad, m]: a number, "
+        f"'{LOWER}', '{UPPER}' or '{UNKNOWN}' (default: its first reading, if recorded)",
     )
     parser.add_argument(
         "--start-deviation",
         type=between(1e-5, 1.0),
         default=START_DEVIATION,
         metavar="DEVIATION",
-        help=f"standard deviation of a known start [rad, m] (default: {START_DEVIATION:g})",
+        help="standard deviation of a known initial position [rad, m] "
+        f"(default: {START_DEVIATION:g})",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the results")
     cli.add_replace(parser)

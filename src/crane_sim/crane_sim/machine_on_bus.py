@@ -79,7 +79,7 @@ class Operator:
     A lever moves the spool itself, positive in the positive direction of the joint, whatever the
     valve is commanded. While the engine is off the crane lies on its supports, and its chambers
     are vented: nothing moves, and all pressures are those of the air. `fault=TARGET.PART.KIND`
-    makes a sensor or a valve fail from now on, `mended=TARGET.PART` or `mended=all` mends it.
+    makes a sensor or a valve fail from now on, `repaired=TARGET.PART` or `repaired=all` repairs it.
     """
 
     def __init__(self, joints: Sequence[str], faults: Faults | None = None):
@@ -93,9 +93,9 @@ class Operator:
         if self._faults is not None and name == "fault":
             print(f"fault: {self._faults.add(value)}", flush=True)
             return
-        if self._faults is not None and name == "mended":
+        if self._faults is not None and name == "repaired":
             self._faults.mend(value)
-            print(f"mended: {value}", flush=True)
+            print(f"repaired: {value}", flush=True)
             return
         if name == "engine" and value in ("on", "off"):
             self.engine = value == "on"
@@ -107,7 +107,7 @@ class Operator:
         if name not in self.levers or not -1.0 <= opening <= 1.0:
             raise RangeError(
                 f"'{line.strip()}': write engine=on, engine=off, fault=TARGET.PART.KIND, "
-                "mended=TARGET.PART, or JOINT=OPENING with a joint of "
+                "repaired=TARGET.PART, or JOINT=OPENING with a joint of "
                 f"{', '.join(self.levers)} and an opening from -1 to 1"
             )
         self.levers[name] = opening

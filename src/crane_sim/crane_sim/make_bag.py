@@ -204,50 +204,57 @@ class _Request:
 def main(argv: Sequence[str] | None = None) -> int:
     """Make a bag with the simulated crane: N periods of a trajectory, or an operator at work."""
     parser = cli.command_line(description=main.__doc__)
-    parser.add_argument("--trajectory", type=Path, help="coefficients of (32), YAML")
-    parser.add_argument("--periods", type=whole(1), help="whole periods to record")
+    parser.add_argument("--trajectory", type=Path, help="trajectory file (YAML)")
+    parser.add_argument("--periods", type=whole(1), help="number of periods to record")
     parser.add_argument(
         "--work",
         type=between(LEAST_WORK_S, MAX_RUNNING_S),
         metavar="SECONDS",
-        help="in place of a trajectory: an operator at the joysticks, by work.yaml of the machine",
+        help="duration of simulated work of an operator [s], instead of a trajectory; "
+        "work.yaml of the machine describes the work",
     )
-    parser.add_argument("--seed", type=whole(0), default=0, help="of sensor noise and jitter")
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, help="seed of sensor noise and jitter (default: 0)"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder of the new bag")
     add_plant(parser)
     add_faults(parser)
     cli.add_machine(parser)
-    parser.add_argument("--gains", type=Path, help="gains of (36) (default: the packaged ones)")
+    parser.add_argument(
+        "--gains", type=Path, help="gains of the PD controller (YAML; default: the packaged file)"
+    )
     parser.add_argument(
         "--law",
         choices=NAMES,
         default=PD_DEAD_BAND,
-        help="how the machine is led, as by the trajectory node (default: %(default)s, (36))",
+        help="controller, as of the trajectory node (default: %(default)s)",
     )
     parser.add_argument(
-        "--model", type=Path, help="model file with identified hydraulics, for every other law"
+        "--model",
+        type=Path,
+        help="model file with identified hydraulics, for every controller but the default",
     )
     parser.add_argument(
         "--started",
         type=date,
         default=STARTED,
         metavar="DATE",
-        help="when the machine was started, UTC as 2025-01-01T08:00:00 (the default: that day at "
-        "midnight); stamps follow from it",
+        help="start of the machine (UTC; default: 2025-01-01T00:00:00); stamps count from it",
     )
     parser.add_argument(
         "--running",
         type=between(0.0, MAX_RUNNING_S),
         default=0.0,
         metavar="SECONDS",
-        help="since the machine was started, when the recording begins: stamps, and what warms up "
-        "or wears, go on from there (default: 0, a cold machine)",
+        help="time from the start of the machine to the recording [s] (default: 0, a cold machine)",
     )
     parser.add_argument(
         "--inject", type=Path, help="effects to inject (YAML), or the ground truth of a bag"
     )
     parser.add_argument(
-        "--ground-truth", type=Path, help="new file, not in the bag's folder, for what was injected"
+        "--ground-truth",
+        type=Path,
+        help="new file for the ground truth, outside the folder of the bag",
     )
     request = _Request(**vars(parser.parse_args(argv)))
     if (request.inject is None) != (request.ground_truth is None):

@@ -224,9 +224,10 @@ def add_faults(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="TARGET.PART.KIND[=SIZE][@SECONDS]",
-        help="a sensor or valve that fails, as JOINT.encoder.stuck@12.5, seconds after the "
-        "beginning; may be repeated. Of a joint: encoder, pressure_a, pressure_b, pressures, "
-        "valve; of the supply: supply.pressure. A wrong one is answered with what there is",
+        help="fault of a sensor or valve, for example JOINT.encoder.stuck@12.5, at a "
+        "time in seconds from the beginning; may be repeated. Parts of a joint: "
+        "encoder, pressure_a, pressure_b, pressures, valve; of the supply: "
+        "supply.pressure",
     )
 
 

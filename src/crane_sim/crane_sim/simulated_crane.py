@@ -280,10 +280,14 @@ def _standing(plant: IdentifiedPlant) -> str:
 def _parser() -> argparse.ArgumentParser:
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument(
-        "--interface", default="udp_multicast", help="of python-can (default: %(default)s)"
+        "--interface",
+        default="udp_multicast",
+        help="interface of python-can (default: %(default)s)",
     )
-    parser.add_argument("--channel", default="", help="of the interface, for example can0")
-    parser.add_argument("--bitrate", type=int, default=0, help="bit/s (default: as it is set)")
+    parser.add_argument("--channel", default="", help="channel of the interface, for example can0")
+    parser.add_argument(
+        "--bitrate", type=int, default=0, help="bit rate [bit/s] (default: that of the interface)"
+    )
     parser.add_argument(
         "--bus-option",
         action="append",
@@ -291,43 +295,46 @@ def _parser() -> argparse.ArgumentParser:
         metavar="KEY=VALUE",
         help="further option of the interface, for example port=43113; may be repeated",
     )
-    parser.add_argument("--mapping", type=Path, help="mapping YAML (default: the packaged one)")
-    parser.add_argument("--dbc", type=Path, help="DBC file (default: the packaged one)")
+    parser.add_argument(
+        "--mapping", type=Path, help="mapping (YAML; default: can.yaml of the machine)"
+    )
+    parser.add_argument("--dbc", type=Path, help="DBC file (default: can.dbc of the machine)")
     cli.add_machine(parser)
     add_plant(parser)
     parser.add_argument(
         "--model",
         type=Path,
         metavar="FILE",
-        help="model file with identified hydraulics: that crane moves in place of the simulated "
-        "plant, whose sensors and rest pose stay",
+        help="model file with identified hydraulics, to simulate in place of the plant"
+        " file; sensors and rest pose remain those of the plant file",
     )
     parser.add_argument(
         "--pose",
         nargs="+",
         default=[],
         metavar="JOINT=VALUE",
-        help="where joints stand at the start [rad, m] (default: the rest pose)",
+        help="initial positions [rad, m] (default: the rest pose)",
     )
     parser.add_argument(
         "--operator",
         action="store_true",
-        help="take from standard input what an operator does at the machine: JOINT=OPENING moves "
-        "a lever (positive moves the joint up, 0 lets go), engine=off and engine=on, "
-        "fault=TARGET.PART.KIND as of --fault, from now on, and mended=TARGET.PART",
+        help="read actions of an operator from standard input: JOINT=OPENING moves a "
+        "lever (-1 to 1, positive moves the joint up), engine=off, engine=on, "
+        "fault=TARGET.PART.KIND, repaired=TARGET.PART",
     )
     parser.add_argument(
         "--lock-step",
         action="store_true",
-        help="run on simulated time: each cycle waits for a driver with use_sim_time, so that "
-        "nothing is late on a busy computer",
+        help="run in simulated time: each cycle waits for a driver with use_sim_time",
     )
     parser.add_argument(
         "--priority",
         type=whole(0),
         default=0,
-        help="real-time priority (SCHED_FIFO) while it runs in real time, 0 for none (default: 0)",
+        help="real-time priority (SCHED_FIFO), 0 for none (default: 0)",
     )
     add_faults(parser)
-    parser.add_argument("--seed", type=whole(0), default=0, help="of the sensors' noise")
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, help="seed of sensor noise (default: 0)"
+    )
     return parser

@@ -199,7 +199,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = cli.command_line(description=main.__doc__)
     add_plant(parser)
     cli.add_machine(parser)
-    parser.add_argument("--json", action="store_true", help="print {name: value} in SI as JSON")
+    parser.add_argument(
+        "--json", action="store_true", help="print {name: value} in SI units as JSON"
+    )
     request = _Request(**vars(parser.parse_args(argv)))
 
     def body() -> None:

@@ -244,21 +244,23 @@ def _wait() -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = command_line(
         prog="viewer",
-        description="Shows the crane in a browser: live from its topics, or a bag. It only looks: "
-        "it publishes nothing, calls no service, and cannot move anything.",
+        description="Show the crane in a browser, live or from a bag. The viewer publishes "
+        "nothing, calls no service, and cannot move the crane.",
         epilog="Live, ROS arguments follow --ros-args: -r __ns:=/left for a crane in a namespace.",
     )
-    parser.add_argument("--bag", type=Path, metavar="BAG", help="show a bag instead of the topics")
+    parser.add_argument(
+        "--bag", type=Path, metavar="BAG", help="bag to show instead of the live topics"
+    )
     add_machine(parser)
     parser.add_argument(
-        "--save", type=Path, metavar="FILE", help="also write all into a new file of Rerun (.rrd)"
+        "--save", type=Path, metavar="FILE", help="new Rerun file (.rrd) to write, too"
     )
     parser.add_argument(
         "--listen",
         default=LOOPBACK,
         metavar="ADDRESS",
-        help="of this computer, where others may look, too: 0.0.0.0 for all of them; whoever "
-        f"reaches it sees everything (default: {LOOPBACK}, this computer alone)",
+        help="address to serve, for example 0.0.0.0 for other computers, without a password "
+        f"(default: {LOOPBACK}, this computer)",
     )
     for name, port, what in (
         ("--web-port", 9090, "page"),
@@ -269,7 +271,9 @@ def _parser() -> argparse.ArgumentParser:
             type=int,
             default=port,
             metavar="N",
-            help=f"of the {what} (default: {port}; 0: any)",
+            help=f"port of the {what} (default: {port}; 0: any)",
         )
-    parser.add_argument("--no-page", action="store_true", help="only --save, nothing is served")
+    parser.add_argument(
+        "--no-page", action="store_true", help="do not serve a page; requires --save"
+    )
     return parser

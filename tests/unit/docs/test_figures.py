@@ -216,7 +216,7 @@ def test_figures_of_the_demo_are_those_of_its_outcome() -> None:
     assert (
         told["simulated motion 0.5 s ahead, error relative to the displacement"] == "0.20 %, 0.50 %"
     )
-    assert told["RMS tracking error by (36) (slew, telescope)"] == "1 mrad, 9 mm"
+    assert told["RMS tracking error, PD controller (slew, telescope)"] == "1 mrad, 9 mm"
     led = "the same by `flow_and_pressures` with the fitted model (slew, telescope)"
     assert told[led] == "0.00 mrad, 0.12 mm"
     assert told["`make demo`, after the set-up"] == "123 s"

@@ -1,10 +1,20 @@
-"""The system diagram shows nodes, topics and commands that exist; no box is over another."""
+"""Diagrams show nodes, topics, commands and verdicts that exist; no box is over another."""
 
 import re
 from itertools import combinations
 
-from from_code.system_picture import LIVE, LIVE_ARROWS, OFFLINE, OFFLINE_ARROWS, pages
+from from_code.system_picture import (
+    DIAGNOSIS,
+    DIAGNOSIS_ARROWS,
+    LIVE,
+    LIVE_ARROWS,
+    OFFLINE,
+    OFFLINE_ARROWS,
+    pages,
+)
 from manual import text
+
+from crane_identification.diagnosis.findings import Verdict
 
 REFERENCE = text("docs/reference/nodes.md") + text("docs/reference/topics.md")
 COMMANDS = text("docs/reference/command_line.md")
@@ -25,12 +35,18 @@ def test_nodes_and_commands_exist() -> None:
 
 
 def test_arrows_join_boxes_and_boxes_do_not_overlap() -> None:
-    for boxes, arrows in ((LIVE, LIVE_ARROWS), (OFFLINE, OFFLINE_ARROWS)):
+    diagrams = (LIVE, LIVE_ARROWS), (OFFLINE, OFFLINE_ARROWS), (DIAGNOSIS, DIAGNOSIS_ARROWS)
+    for boxes, arrows in diagrams:
         assert {name for arrow in arrows for name in (arrow.start, arrow.end)} == set(boxes)
         for a, b in combinations(boxes.values(), 2):
             apart_x = abs(a.x - b.x) > a.half[0] + b.half[0]
             assert apart_x or abs(a.y - b.y) > a.half[1] + b.half[1], (a, b)
 
 
-def test_both_pictures_are_made() -> None:
-    assert all("<svg" in page for page in pages().values()) and len(pages()) == 2
+def test_the_flow_chart_ends_at_every_verdict() -> None:
+    ends = set(DIAGNOSIS) - {arrow.start for arrow in DIAGNOSIS_ARROWS}
+    assert sorted(DIAGNOSIS[name].lines[0] for name in ends) == sorted(Verdict)
+
+
+def test_all_pictures_are_made() -> None:
+    assert all("<svg" in page for page in pages().values()) and len(pages()) == 3

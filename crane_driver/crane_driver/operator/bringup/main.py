@@ -160,43 +160,51 @@ def command_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("step", choices=("status", *STEPS))
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FOLDER", help="of this bring-up"
+        "--out", type=Path, required=True, metavar="FOLDER", help="folder of this bring-up"
     )
     parser.add_argument(
         "--mapping",
         type=Path,
-        help="mapping to go on from, which the driver must run with (default: the newest in "
-        "FOLDER, at first that of the driver)",
+        help="mapping with which the driver runs (default: the newest in FOLDER, at "
+        "first that of the driver)",
     )
     parser.add_argument(
         "--rehearsal",
         type=Path,
         default=Path("runs/rehearsal"),
         metavar="FOLDER",
-        help="results of crane_benchmark rehearse with the same files, asked for on a real bus "
-        "(default: %(default)s)",
+        help="folder of a rehearsal with the same files, required on a real bus "
+        "(default: runs/rehearsal)",
     )
     parser.add_argument(
-        "--joints", nargs="+", default=[], metavar="JOINT", help="(default: all of the driver)"
+        "--joints",
+        nargs="+",
+        default=[],
+        metavar="JOINT",
+        help="joints to measure (default: all of the driver)",
     )
     parser.add_argument(
         "--controller",
         type=Path,
-        help="gains: controller file to begin from (default: that of the driver's machine)",
+        help="gains: controller file with the initial gains (default: that of the "
+        "driver's machine)",
     )
     for name, default, low, high, text in (
-        ("seconds", 2.0, 0.2, 60.0, "length of a record at rest [s]"),
-        ("rate", 0.05, 0.001, 0.5, "of the command in valves and dead_band [1/s]"),
-        ("speed", 0.04, 0.001, 0.5, "of a joint in dead_band and gains [rad/s, m/s]"),
-        ("limit", 0.25, 0.01, 1.0, "of the command"),
-        ("travel", 0.2, 0.001, 2.0, "of a joint from where it stood [rad, m]"),
-        ("time-constant", 0.2, 0.01, 10.0, "gains: of the closed loop, at least [s]"),
+        ("seconds", 2.0, 0.2, 60.0, "duration of a measurement at rest [s]"),
+        ("rate", 0.05, 0.001, 0.5, "rate of the command in valves and dead_band [1/s]"),
+        ("speed", 0.04, 0.001, 0.5, "speed of the joint in dead_band and gains [rad/s, m/s]"),
+        ("limit", 0.25, 0.01, 1.0, "largest command [-]"),
+        ("travel", 0.2, 0.001, 2.0, "largest displacement of a joint [rad, m]"),
+        ("time-constant", 0.2, 0.01, 10.0, "gains: smallest time constant of the closed loop [s]"),
     ):
         parser.add_argument(
-            f"--{name}", type=between(low, high), default=default, help=f"{text} ({default:g})"
+            f"--{name}",
+            type=between(low, high),
+            default=default,
+            help=f"{text} (default: {default:g})",
         )
     parser.add_argument(
         "--repeats", type=int, choices=range(1, 21), default=3, metavar="N",
-        help="dead_band: in each direction (3)",
+        help="dead_band: number of ramps in each direction (default: 3)",
     )  # fmt: skip
     return parser

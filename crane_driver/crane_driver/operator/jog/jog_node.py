@@ -1,6 +1,6 @@
 """`ros2 run crane_driver jog`: hold-to-run motion of one joint, by keyboard or joystick.
 
-Software is no safety stop: keep the emergency stop of the machine within reach.
+Software is not a safety stop: keep the emergency stop of the machine within reach.
 """
 
 import argparse
@@ -394,9 +394,11 @@ def _parser() -> argparse.ArgumentParser:
         "terminal repeats holds the joint for 0.12 s. The keys are shown when it runs.",
         epilog="Parameters, after --ros-args -p: machine, maximum, hold, rise_time, fall_time, "
         "dead_band.JOINT, joy.deadman, joy.axis.JOINT, joy.sign.JOINT; `ros2 param describe /jog "
-        "NAME` explains them. Software is no safety stop.",
+        "NAME` explains them. Software is not a safety stop.",
     )
     parser.add_argument(
-        "--joy", action="store_true", help="by a sensor_msgs/Joy on joy, with a deadman button"
+        "--joy",
+        action="store_true",
+        help="follow a joystick (sensor_msgs/Joy on /joy) with a deadman button",
     )
     return parser

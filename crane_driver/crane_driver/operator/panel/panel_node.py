@@ -1,7 +1,7 @@
 """`ros2 run crane_driver panel`: one page for the operator, in a browser.
 
 It shows the crane, and enables, disables and stops it; it never moves it: hold-to-run is for
-keyboard and joystick (jog), which notice a hand that lets go. Software is no safety stop: keep the
+keyboard and joystick (jog), which notice a released key. Software is not a safety stop: keep the
 emergency stop of the machine within reach.
 """
 
@@ -58,7 +58,7 @@ REFUSALS_PERIOD_S = 10.0  # in the log: a page that is refused asks again every 
 
 ABOUT_PANEL = """A page for the operator, in a browser: state, joints, pressures, faults, progress,
 and the buttons stop, enable, disable and reset. All but stop need the token that is printed here.
-It moves nothing. Software is no safety stop."""
+It moves nothing. Software is not a safety stop."""
 
 
 class OperatorPanel(Node):

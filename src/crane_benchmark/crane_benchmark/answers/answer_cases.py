@@ -339,7 +339,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="answer_cases", description=main.__doc__)
     add = parser.add_argument
     add("--folder", type=Path, required=True, help="of the set")
-    add("--round", default="", help="folder of the answers in it (default: itself)")
+    add("--round", default="", help="folder of the answers within the folder (default: itself)")
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--workers", type=int, default=1)
     add("--keep-bags", action="store_true", help="keep the bags of cases that are answered")

@@ -162,8 +162,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--count", type=int, required=True, help="cases of the set")
     add("--from", type=int, default=0, dest="first", help="first case to make")
     add("--to", type=int, dest="last", help="case to stop before")
-    add("--simulator", type=Simulator, help="only cases of machines from there")
-    add("--sets", type=int, default=2, help="of three recordings to train on")
+    add("--simulator", type=Simulator, help="simulator of the cases (default: both)")
+    add(
+        "--sets",
+        type=int,
+        default=2,
+        help="number of sets of three training recordings in each case",
+    )
     add("--quick", action="store_true", help="one short recording to train on instead")
     add("--folder", type=Path, required=True, help="of the set")
     add("--round", default="", help="of answers: cases that are answered there are not made")

@@ -170,15 +170,20 @@ def missed(rows: Sequence[MeasuredRow]) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure the scale on machines at work, beside its aims: loads of 20 to 150 kg that come and
-    go unannounced. The exit status is 1 where an aim is missed.
+    """Measure the payload estimator on machines at work, with loads of 20 to 150 kg that come and
+    go without notice. The exit status is 1 if a target is missed.
     """
     parser = cli.command_line(description=main.__doc__)
     add = parser.add_argument
-    add("--seconds", type=between(60.0, 36000.0), default=600.0, help="of work (default: 600)")
-    add("--machines", type=whole(1), default=6, help="of each kind (default: 6)")
-    add("--seed", type=whole(0), default=101, help="of the first machine (default: 101)")
-    add("--out", type=Path, help="file for the figures (JSON)")
+    add(
+        "--seconds",
+        type=between(60.0, 36000.0),
+        default=600.0,
+        help="duration of the work [s] (default: 600)",
+    )
+    add("--machines", type=whole(1), default=6, help="number of machines of each kind (default: 6)")
+    add("--seed", type=whole(0), default=101, help="seed of the first machine (default: 101)")
+    add("--out", type=Path, help="file for the results (JSON)")
     arguments = parser.parse_args(argv)
 
     def body() -> None:

@@ -348,19 +348,25 @@ def missed(rows: Sequence[MeasuredRow]) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure the position estimator on machines at work: root mean square errors, beside its aims.
+    """Measure the RMS errors of the position estimator on machines at work.
 
-    The exit status is 1 where an aim is missed.
+    The exit status is 1 if a target is missed.
     """
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument(
-        "--seconds", type=between(10.0, 36000.0), default=600.0, help="of work (default: 600)"
+        "--seconds",
+        type=between(10.0, 36000.0),
+        default=600.0,
+        help="duration of the work [s] (default: 600)",
     )
-    parser.add_argument("--seed", type=whole(0), default=1, help="of the first recording")
+    parser.add_argument("--seed", type=whole(0), default=1, help="seed of the first recording")
     parser.add_argument(
-        "--recordings", type=whole(1), default=5, help="of each machine (default: 5)"
+        "--recordings",
+        type=whole(1),
+        default=5,
+        help="number of recordings of each machine (default: 5)",
     )
-    parser.add_argument("--out", type=Path, help="file for the figures (JSON)")
+    parser.add_argument("--out", type=Path, help="file for the results (JSON)")
     arguments = parser.parse_args(argv)
 
     def body() -> None:

@@ -253,26 +253,39 @@ def missed(rows: Sequence[MeasuredRow]) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure the sensor monitor on a machine at work: blind cases of faults that begin at a
-    moment, and hours without fault, beside its aims.
+    """Measure the sensor monitor on a machine at work: blind cases with a fault, and hours without.
 
-    The exit status is 1 where an aim is missed.
+    The exit status is 1 if a target is missed.
     """
     parser = cli.command_line(description=main.__doc__)
     add = parser.add_argument
     add("--on", choices=list(MACHINES), default="stock", help="machine (default: stock)")
-    add("--cases", type=whole(1), default=300, help="about so many with a fault (default: 300)")
-    add("--hours", type=between(0.1, 1000.0), default=20.0, help="without fault (default: 20)")
-    add("--seed", type=whole(0), default=1, help="of motion, loads, faults and noise")
-    add("--out", type=Path, help="file for the figures (JSON)")
+    add(
+        "--cases",
+        type=whole(1),
+        default=300,
+        help="approximate number of cases with a fault (default: 300)",
+    )
+    add(
+        "--hours",
+        type=between(0.1, 1000.0),
+        default=20.0,
+        help="duration without fault [h] (default: 20)",
+    )
+    add("--seed", type=whole(0), default=1, help="seed of motion, loads, faults and noise")
+    add("--out", type=Path, help="file for the results (JSON)")
     add(
         "--kept",
         type=Path,
         default=Path("runs/observer/sensors"),
-        help="folder in which recordings are kept, so that an interrupted run goes on (default: "
-        "%(default)s)",
+        help="folder for the recordings, from which an interrupted run continues "
+        "(default: runs/observer/sensors)",
     )
-    add("--picture", type=Path, help="picture of what is found by size, and when, for each kind")
+    add(
+        "--picture",
+        type=Path,
+        help="picture of the smallest faults found, and of the delays, for each kind",
+    )
     arguments = parser.parse_args(argv)
 
     def body() -> None:

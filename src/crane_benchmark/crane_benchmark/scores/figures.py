@@ -169,8 +169,8 @@ def _power(rows: Sequence[CaseRow]) -> Figure:
     )
     axes.minorticks_off()
     axes.set(
-        xlabel="relative magnitude of the injected effect, rms over that of the drive force",
-        ylabel="right name and joint [%], 95 % interval",
+        xlabel="magnitude of the injected effect: its rms force relative to the drive force",
+        ylabel="correct effect and joint [%], 95 % interval",
         ylim=(-3, 103),
     )
     axes.set_xlim(80 * RELATIVE_MAGNITUDES[0], 125 * RELATIVE_MAGNITUDES[-1])
@@ -253,7 +253,7 @@ def _confusion(rows: Sequence[CaseRow]) -> Figure:
             axes.text(k, i, f"{number:.0f}", ha="center", va="center", color=colour)
     axes.set_yticks(range(len(down)), [name.replace("_", " ") for name in down])
     axes.set_xticks(range(len(across)), [name.replace("_", " ") for name in across], rotation=90)
-    axes.set(xlabel="named first, or verdict", ylabel="hidden")
+    axes.set(xlabel="named first, or verdict", ylabel="injected effect")
     axes.spines[:].set_visible(False)
     axes.set_xticks(np.arange(-0.5, len(across)), minor=True)
     axes.set_yticks(np.arange(-0.5, len(down)), minor=True)

@@ -118,7 +118,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="score_cases", description=main.__doc__)
     add = parser.add_argument
     add("--folder", type=Path, required=True, help="of the set")
-    add("--round", default="", help="folder of the answers in it (default: itself)")
+    add("--round", default="", help="folder of the answers within the folder (default: itself)")
     add("--workers", type=int, default=1)
     arguments = parser.parse_args(argv)
     folders = Folders(arguments.folder, arguments.round)

@@ -57,7 +57,7 @@ def _law_row(
     shown = "/".join(f"{{{key}:.3g}}" for key in keys)
     seen = "" if name == TRAINED else ", which nothing was fitted to"
     if law == PD_DEAD_BAND:
-        what = f"rms error on {name}{seen}, by (36) ({'/'.join(joints)}) [mrad, mm]"
+        what = f"rms error on {name}{seen}, PD controller ({'/'.join(joints)}) [mrad, mm]"
         return MeasuredRow(cells=[what, "", shown], values=values)
     better = {f"{key}_better": before[j] / rms[j] for key, j in zip(keys, joints, strict=True)}
     times = "/".join(f"{{{key}_better:.0f}}" for key in keys)

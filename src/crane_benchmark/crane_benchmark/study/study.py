@@ -193,15 +193,17 @@ def emps(out: Path, console: Console) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study; exit status 1 if one of its executables fails."""
-    parser = command_line(prog="study", description="The report's experiment.")
+    parser = command_line(
+        prog="study", description="Repeat the experiment of the paper on the simulated crane."
+    )
     add = parser.add_argument
-    add("--out", type=Path, default=Path("runs/study"), help="folder of the results")
-    add("--training", type=int, default=20, help="trajectories to fit the model to")
-    add("--validation", type=int, default=2, help="trajectories to validate it on")
-    add("--period", type=float, default=66.0, help="of every trajectory [s]")
-    add("--harmonics", type=int, default=5, help="N of (32)")
-    add("--periods", type=int, default=3, help="recorded of every trajectory")
-    add("--starts", type=int, default=2, help="searches for every trajectory")
+    add("--out", type=Path, default=Path("runs/study"), help="folder for the results")
+    add("--training", type=int, default=20, help="number of training trajectories")
+    add("--validation", type=int, default=2, help="number of validation trajectories")
+    add("--period", type=float, default=66.0, help="period of each trajectory [s]")
+    add("--harmonics", type=int, default=5, help="number of harmonics")
+    add("--periods", type=int, default=3, help="number of recorded periods of each trajectory")
+    add("--starts", type=int, default=2, help="number of random starts for each trajectory")
     arguments = parser.parse_args(argv)
     try:
         study(

@@ -113,24 +113,28 @@ class _Request:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Look at a machine before it matters, or write its file from a URDF."""
+    """Check and draw a machine, or write a machine file from a URDF."""
     parser = cli.command_line(description=main.__doc__)
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument(
         "--check",
         metavar="MACHINE",
-        help="draw and check a machine: a shipped one's name, a folder or a machine file",
+        help="machine to check and draw: name of a shipped machine, folder or machine file",
     )
     what.add_argument(
-        "--urdf", type=Path, help="write the machine file of a URDF, with what is missing marked"
+        "--urdf", type=Path, help="URDF to write a machine file from; missing values are marked"
     )
-    parser.add_argument("--tip", help="of --urdf: the link at which the arm ends")
+    parser.add_argument("--tip", help="with --urdf: last link of the arm")
     parser.add_argument(
         "--prior",
         type=Path,
-        help="of --urdf: file for the bodies of its links, as what identify --prior takes",
+        help="with --urdf: new prior file for the bodies, for `identify --prior`",
     )
-    parser.add_argument("--out", type=Path, help="PNG or machine file (default: after the machine)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="picture (PNG) or machine file to write (default: named after the machine)",
+    )
     cli.add_replace(parser)
     request = _Request(**vars(parser.parse_args(argv)))
 

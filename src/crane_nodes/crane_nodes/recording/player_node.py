@@ -331,29 +331,29 @@ def _pass(player: Player, bag: Path, reader: Reader, selection: Selection, rate:
 def _parser() -> argparse.ArgumentParser:
     parser = command_line(
         prog="player",
-        description="Plays a bag of either storage onto its topics, in its own rhythm, with the "
-        "time of the bag on /clock. Header stamps are as recorded.",
+        description="Plays a bag (mcap or sqlite3) in its own rhythm, with the time of the "
+        "bag on /clock. Header stamps are as recorded.",
         epilog="ROS arguments follow --ros-args. Valve commands can be looked at under another "
         "name: --ros-args -r /valve_command:=/recorded_command",
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one file of it")
+    parser.add_argument("bag", type=Path, metavar="BAG", help="bag: a folder, or one of its files")
     parser.add_argument(
-        "--rate", type=above(0.0), default=1.0, metavar="R", help="times as fast (default: 1)"
+        "--rate", type=above(0.0), default=1.0, metavar="R", help="factor of the speed (default: 1)"
     )
     parser.add_argument(
-        "--topics", nargs="+", default=(), metavar="TOPIC", help="play only these (default: all)"
+        "--topics", nargs="+", default=(), metavar="TOPIC", help="topics to play (default: all)"
     )
-    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument("--loop", action="store_true", help="repeat the bag without end")
     parser.add_argument(
         "--wait-for",
         nargs="+",
         default=(),
         metavar="TOPIC",
-        help="begin when each of these has a subscriber",
+        help="topics that need a subscriber before the start",
     )
     parser.add_argument(
         "--allow-valve-command",
         action="store_true",
-        help="also play onto /valve_command: MOVES A CRANE whose driver listens there",
+        help="also play /valve_command: THIS MOVES A CRANE whose driver listens",
     )
     return parser

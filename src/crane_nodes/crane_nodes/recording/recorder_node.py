@@ -320,12 +320,14 @@ def _summary(bag: RecordedBag, recorder: Recorder) -> str:
 def _parser() -> argparse.ArgumentParser:
     parser = command_line(
         prog="recorder",
-        description="Records topics to an mcap bag until Ctrl-C, as their publishers come.",
+        description="Records topics to an mcap bag until Ctrl-C.",
         epilog="ROS arguments follow --ros-args, for example -p use_sim_time:=true for a bag of "
         "simulated time. A bag whose recorder was killed is repaired by: "
         "ros2 run crane_nodes recover BAG --out NEW",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="a new folder")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="BAG", help="new folder of the bag"
+    )
     parser.add_argument(
         "--topics", nargs="+", default=NAMES, metavar="TOPIC", help=f"default: {' '.join(NAMES)}"
     )
@@ -334,13 +336,13 @@ def _parser() -> argparse.ArgumentParser:
         type=above(0.0),
         default=math.inf,
         metavar="MB",
-        help="begin a new file when one has reached this size (10^6 bytes)",
+        help="size at which a new file begins [10^6 bytes]",
     )
     parser.add_argument(
         "--split-seconds",
         type=above(0.0),
         default=math.inf,
         metavar="S",
-        help="begin a new file after this time",
+        help="duration after which a new file begins [s]",
     )
     return parser

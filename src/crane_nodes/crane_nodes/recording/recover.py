@@ -193,11 +193,11 @@ def _definition(source: Connection) -> Definition:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write what can be read of a damaged bag as a new one."""
-    parser = command_line(
-        description="Makes a readable bag out of one that was not closed; that one is not touched."
+    parser = command_line(description="Makes a readable copy of a bag that was not closed.")
+    parser.add_argument("bag", type=Path, metavar="BAG", help="bag: a folder, or one of its files")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="NEW", help="new folder of the bag"
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one file of it")
-    parser.add_argument("--out", type=Path, required=True, metavar="NEW", help="a new folder")
     options = parser.parse_args(argv)
     return run(lambda: print(recover(options.bag, options.out)))
 

@@ -225,7 +225,7 @@ def draw(seen: WatchedBag, file: Path) -> None:
         for finding in seen.findings:
             panel.axvline(finding.onset, color="red", lw=0.8)
     panels[0].legend(loc="upper left", fontsize="small", ncols=2)
-    told = "; ".join(f"{found.sensor}: {found.kind} {found.how_much}" for found in seen.findings)
-    title = f"{seen.bag.name}: share of the tolerance taken. {told or 'Nothing found'}"
-    panels[0].set_title(title, fontsize="medium")
+    found = (f"{one.sensor}: {one.kind} {one.how_much}".strip() for one in seen.findings)
+    lines = [f"residuals relative to their tolerance, {seen.bag.name}", *found]
+    panels[0].set_title("\n".join(lines), fontsize="medium")
     figure.savefig(file, dpi=120)

@@ -215,16 +215,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         type=between(0.0, 1e7),
         default=0.0,
         metavar="S",
-        help="s into the bag (default: 0)",
+        help="start within the bag [s] (default: 0)",
     )
     parser.add_argument(
         "--length",
         type=between(1 / FRAMES_PER_S, MAX_FILM_S),
         default=FILM_S,
         metavar="S",
-        help=f"s at most (default: {FILM_S:g})",
+        help=f"largest duration [s] (default: {FILM_S:g})",
     )
-    parser.add_argument("--size", type=int, nargs=2, default=FILM_SIZE, metavar=("WIDTH", "HEIGHT"))
+    parser.add_argument(
+        "--size", type=int, nargs=2, default=FILM_SIZE, metavar=("WIDTH", "HEIGHT"),
+        help="size of the film [pixels] (default: {} {})".format(*FILM_SIZE),
+    )  # fmt: skip
     add_plant(parser)
     cli.add_machine(parser)
     cli.add_replace(parser)

@@ -68,11 +68,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument("--out", type=Path, required=True, help="PNG file to write")
     parser.add_argument(
-        "--pose", nargs="+", default=[], metavar="JOINT=VALUE", help="rad, m; else at rest"
+        "--pose",
+        nargs="+",
+        default=[],
+        metavar="JOINT=VALUE",
+        help="positions [rad, m] (default: the rest pose)",
     )
     parser.add_argument(
-        "--size", type=int, nargs=2, default=PICTURE_SIZE, metavar=("WIDTH", "HEIGHT")
-    )
+        "--size", type=int, nargs=2, default=PICTURE_SIZE, metavar=("WIDTH", "HEIGHT"),
+        help="size of the picture [pixels] (default: {} {})".format(*PICTURE_SIZE),
+    )  # fmt: skip
     add_plant(parser)
     cli.add_machine(parser)
     cli.add_replace(parser)

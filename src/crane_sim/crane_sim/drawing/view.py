@@ -79,9 +79,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         nargs="+",
         default=[],
         metavar="JOINT=VALUE",
-        help="rad, m; joints not named are at rest",
+        help="positions [rad, m] (default: the rest pose)",
     )
-    parser.add_argument("--trajectory", type=Path, help="coefficients of (32), YAML, to replay")
+    parser.add_argument("--trajectory", type=Path, help="trajectory file to replay (YAML)")
     add_plant(parser)
     cli.add_machine(parser)
     request = _Request(**vars(parser.parse_args(argv)))

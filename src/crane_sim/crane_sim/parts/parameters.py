@@ -261,7 +261,9 @@ def load_simulated_crane(
 def add_plant(parser: argparse.ArgumentParser) -> None:
     """`--plant`, the file of the simulated crane."""
     parser.add_argument(
-        "--plant", type=Path, help="file of the simulated crane (default: that of the machine)"
+        "--plant",
+        type=Path,
+        help="file of the simulated crane (default: simulated_crane.yaml of the machine)",
     )
 
 
