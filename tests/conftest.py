@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from heartbeat import Heartbeat
 from hypothesis import HealthCheck, settings
+from left_behind import none_left_behind
 from rich.console import Console
 from rich.table import Table
 
@@ -87,6 +88,13 @@ def pytest_terminal_summary(config: pytest.Config) -> None:
             table.add_row(*row.shown, name)
         write(MEASURED / f"{name}.json", "make bench", list(rows.values()))
     Console(width=150, highlight=False).print(table)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _none_left_behind() -> Iterator[None]:
+    """Nodes of a killed run would publish into the domain of a later one."""
+    with none_left_behind():
+        yield
 
 
 @pytest.fixture(scope="session")

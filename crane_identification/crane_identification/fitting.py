@@ -10,7 +10,6 @@ from crane_identification.estimation.autoregression import LackOfFit, lack_of_fi
 from crane_identification.estimation.consistent import consistent, physics
 from crane_identification.estimation.excitation import (
     at_one_speed,
-    products_of,
     too_little,
     undetermined_in_words,
 )
@@ -28,6 +27,7 @@ from crane_identification.estimation.regression import (
     build_rows,
     common_factor,
     instruments,
+    products_of,
 )
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.prepare import Session, prepare_all, prepare_moving

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from left_behind import alive_with
 
 from crane_bags.reader import read_topics
 from crane_bags.types import JOINT_STATES, VALVE_COMMAND
@@ -49,18 +50,6 @@ def wait_for(process: subprocess.Popen[bytes], text: bytes) -> None:
         read = process.stdout.read(4096)
         assert read, f"ended without '{text.decode()}': {seen.decode()}"
         seen += read
-
-
-def alive_with(mark: bytes) -> list[tuple[int, str]]:
-    """Ids and command lines of all processes that have inherited the mark."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            if mark in (folder / "environ").read_bytes().split(b"\0"):
-                found.append((int(folder.name), (folder / "cmdline").read_text()))
-        except OSError:  # ended meanwhile
-            continue
-    return found
 
 
 def interrupt(process: subprocess.Popen[bytes]) -> tuple[int, str]:

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from integration.processes import SIMULATED_TIME
 from integration.recording_graph import LATCHED, Graph, Process, Source, graph
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import Qos, QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
@@ -25,6 +27,7 @@ from crane_bags.types import (
     VALVE_COMMAND,
 )
 from crane_model.errors import DataError
+from crane_nodes.node_time import TAKEN_PROFILE, stamp_of
 from crane_nodes.recording.statistics import SHORTEST_SILENCE_S
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
@@ -128,6 +131,28 @@ def test_latched_and_best_effort_topics(ros: Graph, bag: Path) -> None:
     assert [one.durability for one in qos["/robot_description"]] == [QosDurability.TRANSIENT_LOCAL]
     assert [one.reliability for one in qos["/joint_states"]] == [QosReliability.BEST_EFFORT]
     assert read_topics(bag, [JOINT_STATES])["/joint_states"].fields["position"].tolist() == [[0.5]]
+
+
+def test_no_message_is_logged_before_its_stamp(ros: Graph, bag: Path) -> None:
+    """Its tick of /clock may come later; a stamp far ahead is not believed."""
+    clock = ros.node.create_publisher(Clock, "/clock", 10)
+    states = ros.node.create_publisher(JointState, "/joint_states", 10)
+    taken: list[Header] = []
+    ros.node.create_subscription(Header, "/lock_step", taken.append, TAKEN_PROFILE)
+    health = Health(ros)
+    arguments = ("--out", bag, "--topics", "joint_states", "--ros-args", *SIMULATED_TIME)
+    recorder = ros.start("recorder", *arguments)
+    ros.wait(lambda: clock.get_subscription_count() and states.get_subscription_count())
+    clock.publish(Clock(clock=stamp_of(10 * SECOND)))
+    ros.wait(lambda: taken and taken[-1].stamp.sec == 11)
+    for stamp in (10 * SECOND + SECOND // 2, 99 * SECOND):
+        header = Header(stamp=stamp_of(stamp))
+        states.publish(JointState(header=header, name=["slew"], position=[0.5]))
+    ros.wait(lambda: health.messages("/joint_states") == 2)
+    assert recorder.end(signal.SIGTERM) == 0
+    with Reader(bag) as reader:
+        received = [log_time for _, log_time, _ in reader.messages()]
+    assert received == [10 * SECOND, 10 * SECOND + SECOND // 2]
 
 
 def lost_by_kill(ros: Graph, source: Source, bag: Path, mended: Path) -> int:

@@ -59,7 +59,7 @@ class BusLog(ABC):
     events: Counter[str] = field(default_factory=Counter)  # lines of other kinds, by kind
     set_back: int = 0  # times that a data frame is older than the one before it
     furthest_back: int = 0  # ns, by which it is at most
-    behind: int = 0  # data frames older than one before them, though the clock was not set
+    behind: int = 0  # data frames older than one before them, since the clock was set back
     newest: int = 0  # ns, stamp
 
     @property
@@ -133,9 +133,9 @@ class BusLog(ABC):
         if stamp < previous:
             self.set_back += 1
             self.furthest_back = max(self.furthest_back, previous - stamp)
+        self.behind += stamp < self.newest
         if stamp < self.newest - MAX_JUMP_NS:
             self.newest = stamp
-        self.behind += stamp < self.newest
         self.newest = max(self.newest, stamp)
 
 

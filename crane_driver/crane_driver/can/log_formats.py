@@ -130,7 +130,7 @@ class CandumpLog(BusLog):
     """
 
     def entries(self, on_bytes: Callable[[int], object]) -> Iterator[Entry]:
-        with io.TextIOWrapper(content(self.path), "ascii", errors="replace") as file:
+        with io.TextIOWrapper(content(self.path), "utf-8-sig", errors="replace") as file:
             for line in file:
                 on_bytes(len(line))
                 if not (text := line.strip()):
@@ -303,7 +303,7 @@ def open_log(path: Path, channel: str | None = None, zone: tzinfo | None = None)
             return PythonCanLog(path, channel, zone, known.clock, format=known)
     if ASC_BEGINNING.match(beginning.removeprefix(b"\xef\xbb\xbf")):
         return AscLog(path, channel, zone)
-    lines = [line.strip() for line in beginning.decode("ascii", "replace").splitlines()]
+    lines = [line.strip() for line in beginning.decode("utf-8-sig", "replace").splitlines()]
     lines = [line for line in lines if line]
     if any(CANDUMP_LINE.fullmatch(line) for line in lines):
         return CandumpLog(path, channel, zone)

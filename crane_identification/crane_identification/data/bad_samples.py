@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.data.resample import LARGEST_GAP
+from crane_identification.data.resample import LARGEST_GAP, regular
 from crane_model.errors import DataError
 
 QUANTISATION_STEPS = 4.0  # steps of the sensor that quantisation never makes
@@ -54,9 +54,11 @@ class _Found:
 def usable(log: Log, begin: float = 0.0, end: float = math.inf) -> Log:
     """`log` from `begin` to `end` [s], with NaN for bad positions, pressures and forces.
 
-    A note names each, what held no number before, and how many states were sent again.
+    A note names each, what held no number before, and how many states were sent again. Stamps that
+    jitter are repaired first.
     `DataError` if they are many, or a position jumps and stays away: it names joint and sample.
     """
+    log = regular(log)
     cleaned: dict[str, Any] = {}
     notes: list[str] = []
     again = _sent_again(log)

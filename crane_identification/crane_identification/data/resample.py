@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.signals.motion import reading_resolution
+from crane_identification.signals.motion import encoder_resolution, reading_resolution
 from crane_model.errors import DataError
 
 SHORTEST_RUN = 20  # samples; nothing can be smoothed or differentiated on less
@@ -19,6 +19,11 @@ LONGEST_COUNTED = 5  # median intervals; of longer ones nobody knows how many sa
 LOW_PASS_ORDER, LOW_PASS_BAND = 8, 0.8  # of the low-pass, the latter of half the rate behind it
 LOW_PASS_PADDING = 6 * LOW_PASS_ORDER  # samples
 SLOWER = 1.2  # times faster, at least, a signal must be to be filtered and slowed down
+SYNCHRONISED_SAMPLES = 100  # with which the search for a regular clock begins
+SYNCHRONISED_RATES = np.linspace(0.95, 1.05, 401)  # of the median one, that are tried on them
+LARGEST_JITTER = 0.45  # intervals by which each stamp may be off
+STRAIGHTER = 0.5  # share of its bends that a motion keeps at most if its samples are regular
+FAST_QUANTILE = 0.75  # of the speeds of a joint, from which on wrong times bend its motion
 STAMP_MARGIN_S = 1e-9  # s, the resolution of stamps; times closer than this are the same
 REQUIRED = ("position", "force", "pressure_a", "pressure_b")
 INTERPOLATED = (
@@ -110,6 +115,77 @@ def resample(log: Log, rate: float | None = None, largest_gap: float = LARGEST_G
         command=None if log.command is None else _by_column(_held, log.command, time, largest_gap),
         **{name: interpolated(name) for name in INTERPOLATED},
     )
+
+
+def regular(log: Log) -> Log:
+    """`log` with regular times in place of stamps that jitter, and a note; else as it is.
+
+    The positions decide: if the samples were taken at regular times, a moving joint seems to shake
+    along its stamps, and does not along the regular times. Signals with the stamps of the positions
+    change with them.
+    """
+    time, value = log.position.time, log.position.value
+    times = _regular_times(time)
+    if times is None or not _straighter(value, time, times):
+        return log
+    off, interval = 1e3 * float(np.std(time - times)), 1e3 / sampling_rate(times)
+    note = (
+        f"{log.position.origin}: stamps are off by {off:.2g} ms (rms); the motion says that its "
+        f"samples are regular, {interval:.4g} ms apart, and so they are used"
+    )
+    changed: dict[str, Any] = {
+        name: replace(signal, time=times)
+        for name in ("position", "command", *INTERPOLATED)
+        if (signal := getattr(log, name)) is not None and np.array_equal(signal.time, time)
+    }
+    return replace(log, **changed, notes=(*log.notes, note))
+
+
+def _regular_times(time: np.ndarray) -> np.ndarray | None:
+    """Times (n,) [s] of a regular clock nearest to the stamps; None if they follow none.
+
+    Rate and phase are found on the first samples, and then on twice as many until all are used.
+    """
+    if len(time) < SYNCHRONISED_SAMPLES:
+        return None
+    known = SYNCHRONISED_SAMPLES
+    rates = sampling_rate(time) * SYNCHRONISED_RATES
+    turns = np.exp(2j * np.pi * rates[:, np.newaxis] * time[:known])
+    interval = 1.0 / float(rates[np.abs(turns.sum(axis=1)).argmax()])
+    while True:
+        intervals = time[:known] / interval
+        phase = float(np.angle(np.exp(2j * np.pi * intervals).mean())) / (2 * np.pi)
+        number = np.round(intervals - phase)
+        interval, begin = np.polyfit(number, time[:known], 1).tolist()
+        if known == len(time):
+            break
+        known = min(2 * known, len(time))
+    times: np.ndarray = begin + interval * number
+    follows = np.abs(time - times).max() < LARGEST_JITTER * interval
+    return times if follows and (np.diff(number) > 0).all() else None
+
+
+def _straighter(value: np.ndarray, stamps: np.ndarray, times: np.ndarray) -> bool:
+    """Whether the motion (n, j) of a joint bends much less from sample to sample at `times` (n,),
+    and that of no joint much more.
+    """
+    ratios = []
+    for column, step in zip(value.T, encoder_resolution(value), strict=True):
+        gone = np.abs(column[2:] - column[:-2])
+        if not (gone > 0.0).any():
+            continue
+        fast = gone >= np.quantile(gone[gone > 0.0], FAST_QUANTILE)
+        at_stamps, at_times = (
+            float(np.nanmedian(_bends(column, clock)[fast])) + step for clock in (stamps, times)
+        )
+        ratios.append(at_times / at_stamps)
+    return bool(ratios) and min(ratios) < STRAIGHTER and max(ratios) < 1.0 / STRAIGHTER
+
+
+def _bends(value: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """(n - 2,) distance of each value but the ends from the line through its neighbours."""
+    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    return np.abs(value[1:-1] - value[:-2] - share * (value[2:] - value[:-2]))
 
 
 def slowed(log: Log, rate: float | None) -> Log:

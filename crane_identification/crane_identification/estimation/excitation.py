@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from crane_identification.estimation.regression import CONTAINED, Rows
+from crane_identification.estimation.regression import CONTAINED, Rows, products_of
 from crane_identification.notation import listed, plain
 from crane_identification.preparation.run import Preparation
 from crane_model.base_parameters import reveal_rank
@@ -176,12 +176,6 @@ def too_little(
         f"{joint} {_reason(model, preparations, joint, joint in single)}"
         for joint in joints or model.joints
     ]
-
-
-def products_of(rows: Rows) -> np.ndarray:
-    """ΦᵀΦ of the used rows of each joint: (j, p, p)."""
-    columns = [rows.matrix[rows.used[:, j], j] for j in range(len(rows.joints))]
-    return np.array([matrix.T @ matrix for matrix in columns])
 
 
 def _acts(rows: Rows, joint: str, names: Sequence[str]) -> bool:

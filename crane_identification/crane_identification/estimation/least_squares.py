@@ -25,6 +25,8 @@ from crane_identification.estimation.regression import (
     balancing,
     check,
     describe,
+    noise_of_residual,
+    products_of,
     solve,
     solve_weighted,
 )
@@ -209,8 +211,9 @@ def least_squares(
     """Θ that minimises the weighted norm of τ - ΦΘ (30).
 
     `weights` multiply the rows: (j,) or (n, j), in 1/N m and 1/N. Without them, one joint is
-    fitted as (31) stands; with several, each is weighted by the inverse of its root mean square
-    residual, in passes from equal weights until they stay the same. A `prior` counts beside them.
+    fitted as (31) stands; with several, each is weighted by the inverse of the standard deviation
+    of its noise, in passes from equal weights until they stay the same. A `prior` counts beside
+    them.
 
     Raises `DataError` if there are fewer rows than parameters or a row is not finite.
     """
@@ -367,12 +370,15 @@ def instrumental(
         matrix[rows.used] = basis @ (basis.T @ (rows.stacked * scaling)) / scaling
         return replace(rows, matrix=matrix)
 
-    def values(weights: np.ndarray) -> np.ndarray:
-        return solve_weighted(projected(weights), weights).values
+    def noise(weights: np.ndarray) -> np.ndarray:
+        seen = projected(weights)
+        found = solve_weighted(seen, weights)
+        norm, count = rows.norms(rows.residual(found.values)), rows.used.sum(axis=0)
+        return noise_of_residual(norm, count, weights, found.bread, products_of(seen))
 
-    weights = balance(joints, lambda w: rows.rms(rows.residual(values(w))), rows.rms(rows.force))
+    weights = balance(joints, noise, rows.rms(rows.force))
     seen = projected(weights)
-    theta = values(weights)
+    theta = solve_weighted(seen, weights).values
     pseudo = replace(seen, force=seen.matrix @ theta + rows.residual(theta))
     method = f"instrumental variables (reference), {covariance} residual"
     return describe(rows, fit(pseudo, weights, covariance), method)

@@ -24,6 +24,7 @@ RANK_TOLERANCE = 1e-9
 CONTAINED = 1e-6  # share of a dependent column's norm above which another is part of it
 BALANCE_PASSES = 50
 SAME_WEIGHTS = 1e-3  # relative change
+LEAST_FREEDOM = 1e-3  # rows of a joint that the parameters do not take up
 RESIDUAL_ROUNDING = 1e-12  # share of the forces below which a residual is rounding, not noise
 LEAST_OPEN_SHARE = 0.5
 """A filtered row is used if at least this share of what the filter saw was let through."""
@@ -140,12 +141,38 @@ def check(rows: Rows) -> None:
 
 
 def balancing(rows: Rows) -> np.ndarray:
-    """Weights (j,) with which the weighted residual of each joint has root mean square 1."""
+    """Weights (j,) with which the weighted noise of each joint has standard deviation 1."""
+    products = products_of(rows)
 
-    def residuals(weights: np.ndarray) -> np.ndarray:
-        return rows.rms(rows.residual(solve_weighted(rows, weights).values))
+    def noise(weights: np.ndarray) -> np.ndarray:
+        found = solve_weighted(rows, weights)
+        residual = rows.norms(rows.residual(found.values))
+        return noise_of_residual(residual, rows.used.sum(axis=0), weights, found.bread, products)
 
-    return balance(len(rows.joints), residuals, rows.rms(rows.force))
+    return balance(len(rows.joints), noise, rows.rms(rows.force))
+
+
+def products_of(rows: Rows) -> np.ndarray:
+    """ΦᵀΦ of the used rows of each joint: (j, p, p)."""
+    columns = [rows.matrix[rows.used[:, j], j] for j in range(len(rows.joints))]
+    return np.array([matrix.T @ matrix for matrix in columns])
+
+
+def noise_of_residual(
+    norm: np.ndarray,
+    rows: np.ndarray,
+    weights: np.ndarray,
+    bread: np.ndarray,
+    products: np.ndarray,
+) -> np.ndarray:
+    """Standard deviation (j,) of the noise that leaves residuals of such a `norm` (j,).
+
+    Of so many `rows` (j,) of a joint, the parameters take up as many as it determines of them, by
+    its ΦᵀΦ among the `products` (j, p, p) (Patterson and Thompson 1971). Divided by all its rows, a
+    joint with few gains weight until the solution passes through them.
+    """
+    taken = weights**2 * np.einsum("kl,jkl->j", bread, products)
+    return np.asarray(norm / np.sqrt(np.maximum(rows - taken, LEAST_FREEDOM)))
 
 
 def solve_weighted(rows: Rows, weights: np.ndarray) -> BasicSolution:
@@ -179,18 +206,18 @@ def solve(
 
 
 def balance(
-    joints: int, residuals: Callable[[np.ndarray], np.ndarray], force: np.ndarray
+    joints: int, noise: Callable[[np.ndarray], np.ndarray], force: np.ndarray
 ) -> np.ndarray:
-    """Weights (j,) with which the weighted residual of each joint has root mean square 1.
+    """Weights (j,) with which the weighted noise of each joint has standard deviation 1.
 
-    `residuals` gives the root mean square residual (j,) of the solution with given weights; a
+    `noise` gives the standard deviation (j,) of the noise by the solution with given weights; a
     single joint needs no weight. Of residuals that are rounding beside the `force` (j,), root mean
     square, none counts more than another.
     """
     weights = np.ones(joints)
     floor = np.where(force > 0.0, RESIDUAL_ROUNDING * force, 1.0)
     for _ in range(BALANCE_PASSES if joints > 1 else 0):
-        before, weights = weights, 1.0 / np.maximum(residuals(weights), floor)
+        before, weights = weights, 1.0 / np.maximum(noise(weights), floor)
         if (np.abs(np.log(weights / before)) < SAME_WEIGHTS).all():
             break
     return weights

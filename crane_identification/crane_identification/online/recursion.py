@@ -14,7 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from crane_identification.estimation.regression import BasicSolution, balance, solve
+from crane_identification.estimation.regression import (
+    BasicSolution,
+    balance,
+    noise_of_residual,
+    solve,
+)
 
 # How many correlated residuals are worth one independent one, followed as they come.
 
@@ -133,17 +138,17 @@ class Recursion:
     def solve(self, correlation: np.ndarray | None = None) -> Solution:
         """The estimate on all rows so far, as the batch solution weights them.
 
-        Several joints are weighted by the inverse of their root mean square residuals, in passes
-        from equal weights until they stay the same. `correlation` (j,): number of rows that are
-        worth one independent row (None: 1, white residuals). With b = (Σ R'W²R)⁻¹ the covariance is
-        b (Σ_j c_j s_j² W_j² Φ_j'Φ_j) b, where forgetting enters Φ_j'Φ_j as λ^(2 age): a row that is
-        half forgotten still carries its whole noise.
+        Several joints are weighted by the inverse of the standard deviation of their noise, in
+        passes from equal weights until they stay the same. `correlation` (j,): number of rows that
+        are worth one independent row (None: 1, white residuals). With b = (Σ R'W²R)⁻¹ the
+        covariance is b (Σ_j c_j s_j² W_j² Φ_j'Φ_j) b, where forgetting enters Φ_j'Φ_j as λ^(2 age):
+        a row that is half forgotten still carries its whole noise.
         """
         joints, parameters = len(self._factor), self._factor.shape[1] - 1
         if not self.well_posed:
             return _unknown(joints, parameters)
         force = self._rms(np.zeros(parameters))
-        weights = balance(joints, lambda w: self._rms(self._combined(w).values), force)
+        weights = balance(joints, self._noise, force)
         values, determined, bread, condition = self._combined(weights)
         rms = self._rms(values)
         power = (weights * rms) ** 2
@@ -173,6 +178,12 @@ class Recursion:
         """Root mean square residual (j,) of the rows so far, from the triangles alone."""
         seen = np.append(-values, 1.0)
         return np.linalg.norm(self._factor @ seen, axis=1) / np.sqrt(np.maximum(self._count, 1e-9))
+
+    def _noise(self, weights: np.ndarray) -> np.ndarray:
+        """Standard deviation (j,) of the noise, by the solution with these weights."""
+        found = self._combined(weights)
+        norm = self._rms(found.values) * np.sqrt(self._count)
+        return noise_of_residual(norm, self._count, weights, found.bread, self._information)
 
     def _lost(self, bread: np.ndarray, meat: np.ndarray, power: np.ndarray) -> float:
         """Power by which residuals are below the noise because parameters were fitted to them."""

@@ -26,6 +26,8 @@ UNCERTAIN = 0.1
 """Relative standard deviation above which a parameter counts as uncertain."""
 RESTING = 0.5
 """A joint that moves for less than this share of the time is weakly excited."""
+RESTING_SPEED_SHARE, FASTEST_QUANTILE = 0.05, 0.99
+"""A joint rests below this share of its speed at this quantile."""
 BEYOND_NOISE = 1e-3
 """Probability of the noise doing what is seen, below which it is said that something else does."""
 TYPICAL_CHANGES = 5
@@ -200,13 +202,22 @@ def _lack_of_fit(fit: FitResult) -> list[str]:
 
 
 def _excitation(fit: FitResult) -> list[str]:
-    share = np.concatenate([p.moving for p in fit.preparations]).mean(axis=0)
+    share = np.concatenate([_in_motion(p) for p in fit.preparations]).mean(axis=0)
     return [
         f"Weak excitation: {spoken(joint)} moves in only {short_percent(float(moving))} of the "
         "training data; excite it more."
         for joint, moving in zip(fit.model.joints, share, strict=True)
         if moving < RESTING
     ]
+
+
+def _in_motion(preparation: Preparation) -> np.ndarray:
+    """(n, j): where joints move, reversals included: friction of a coupled wrist leaves out those
+    of each of its motors, and rows between them are few.
+    """
+    speed = np.abs(preparation.record.velocity)
+    least = RESTING_SPEED_SHARE * np.quantile(speed, FASTEST_QUANTILE, axis=0)
+    return np.asarray((speed > least) & preparation.signed.any(axis=0))
 
 
 def _elsewhere(fit: FitResult, validations: Sequence[Validation]) -> tuple[str, ...]:

@@ -25,6 +25,7 @@ from crane_identification.estimation.regression import (
     balance,
     build_rows,
     common_factor,
+    noise_of_residual,
     solve,
 )
 from crane_identification.options import Options
@@ -102,9 +103,15 @@ class Information:
         return np.sqrt(np.maximum(squares, 0.0) / np.maximum(self.rows, 1))
 
     def balancing(self) -> np.ndarray:
-        """Weights (j,) with which the weighted residual of each joint has root mean square 1."""
-        force = self.rms(np.zeros(len(self.names)))
-        return balance(len(self.joints), lambda w: self.rms(self.solve(w).values), force)
+        """Weights (j,) with which the weighted noise of each joint has standard deviation 1."""
+
+        def noise(weights: np.ndarray) -> np.ndarray:
+            found = self.solve(weights)
+            norm = self.rms(found.values) * np.sqrt(self.rows)
+            products = self.matrix[:, :-1, :-1]
+            return noise_of_residual(norm, self.rows, weights, found.bread, products)
+
+        return balance(len(self.joints), noise, self.rms(np.zeros(len(self.names))))
 
     def solve(self, weights: np.ndarray) -> BasicSolution:
         """Θ (30) with weights (j,) [1/N m, 1/N].

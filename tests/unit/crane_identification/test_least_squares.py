@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from statsmodels.regression.linear_model import OLS, WLS
 
 from crane_identification.estimation.least_squares import least_squares
-from crane_identification.estimation.regression import Rows
+from crane_identification.estimation.regression import Rows, balancing
 from crane_identification.options import Covariance
 from crane_model.errors import DataError
 
@@ -93,6 +93,30 @@ def test_joints_are_weighted_by_their_residual() -> None:
     ordinary = least_squares(system, Covariance.CLASSICAL, weights=np.ones(2))
     np.testing.assert_allclose(ordinary.values, OLS(force, stacked).fit().params, rtol=1e-9)
     assert (ordinary.std_devs > 5 * estimate.std_devs).all()
+
+
+def hardly_determined(seed: int) -> Rows:
+    """Joint a has 16 rows and 12 parameters of its own, b has 60 rows; both have two in common.
+
+    The noise of both is the same.
+    """
+    rng = np.random.default_rng(seed)
+    matrix = np.zeros((60, 2, 14))
+    matrix[:, 0] = rng.standard_normal((60, 14))
+    matrix[:, 1, 12:] = rng.standard_normal((60, 2))
+    used = np.ones((60, 2), dtype=bool)
+    used[16:, 0] = False
+    names, none = tuple(f"p{k}" for k in range(14)), ("",) * 14
+    time = np.arange(60.0)
+    force = rng.standard_normal((60, 2))
+    return Rows(("a", "b"), names, none, time, np.zeros(60, dtype=int), matrix, force, used)
+
+
+def test_a_joint_gains_no_weight_by_having_few_rows() -> None:
+    weights = np.array([balancing(hardly_determined(seed)) for seed in range(40)])
+    ratio = weights[:, 0] / weights[:, 1]
+    assert 0.8 < np.median(ratio) < 1.5  # 2.9 by root mean square residuals
+    assert (ratio < 2.0).mean() > 0.8
 
 
 def test_weights_of_single_rows() -> None:

@@ -5,6 +5,7 @@ The node finds publishers, records their messages, and reports on /diagnostics.
 
 import argparse
 import math
+import struct
 import sys
 import time
 from collections import deque
@@ -48,6 +49,9 @@ CLOCK_QOS = QoSProfile(depth=2000)  # messages of /clock
 
 NAMES = tuple(topic.relative for topic in TOPICS)
 MEGABYTE_BYTES = 1_000_000
+HEADER_TYPE = "std_msgs/Header"
+STAMP_FORMATS = (">iI", "<iI")  # seconds and nanoseconds, by the byte order that CDR states
+ORDER_BYTE, STAMP_BYTE = 1, 4  # of a message, where the order stands and the stamp of a header
 
 
 class Early(NamedTuple):
@@ -68,6 +72,7 @@ class Recorded:
     service: Service
     arrivals: Arrivals
     silence: Silence
+    stamped: bool  # its messages begin with a header
 
 
 class Recorder(Node):
@@ -110,7 +115,7 @@ class Recorder(Node):
         for received, data, info, recorded in arrived:
             while ticks and ticks[0][1]["received_timestamp"] <= received:
                 self._time.tell(ticks.popleft()[0])
-            log_time = nanoseconds(self._time.stamp()) if self._time.simulated else received
+            log_time = self._simulated(recorded, data) if self._time.simulated else received
             sequence = info["publication_sequence_number"]
             self._bag.write(
                 recorded.number, log_time, data, info["source_timestamp"], sequence or 0
@@ -122,6 +127,17 @@ class Recorder(Node):
         for tick, _ in ticks:
             self._time.tell(tick)
         self._pacing.taken()
+
+    def _simulated(self, recorded: Recorded, data: bytes) -> int:
+        """Simulated time [ns] at which a message is received: not before its stamp, though its
+        tick of /clock may come later.
+        """
+        now = nanoseconds(self._time.stamp())
+        if not recorded.stamped:
+            return now
+        seconds, rest = struct.unpack_from(STAMP_FORMATS[data[ORDER_BYTE] & 1], data, STAMP_BYTE)
+        stamp = int(seconds * NANOSECONDS + rest)
+        return stamp if 0 < stamp - now <= AHEAD_S * NANOSECONDS else now
 
     def _expected(self) -> dict[str, Early]:
         """Subscribe as the suite publishes; what others offer is seen when they come."""
@@ -168,7 +184,10 @@ class Recorder(Node):
         arrivals = Arrivals(len(same), time.monotonic())
         silence = Silence(_rhythm(name, service))
         number = self._bag.add(topic)
-        self.recorded[name] = Recorded(topic, number, messages, service, arrivals, silence)
+        fields = message_class(msgtype).get_fields_and_field_types().values()
+        self.recorded[name] = Recorded(
+            topic, number, messages, service, arrivals, silence, HEADER_TYPE in [*fields][:1]
+        )
         print(f"recording {name} ({msgtype}, {service})", flush=True)
 
     def _report(self) -> None:

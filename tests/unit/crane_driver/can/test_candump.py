@@ -53,6 +53,12 @@ def test_damaged_lines_are_counted_and_skipped(tmp_path: Path) -> None:
     assert (log.lines, log.damaged) == (6, 4)
 
 
+def test_a_byte_order_mark_damages_no_line(tmp_path: Path) -> None:
+    log, frames = read(tmp_path, "\ufeff(1.0) can0 123#11\n(1.1) can0 123#22\n")
+    assert [frame.data for frame in frames] == [b"\x11", b"\x22"]
+    assert log.damaged == 0
+
+
 def test_error_and_remote_frames_are_no_data(tmp_path: Path) -> None:
     log, frames = read(
         tmp_path,

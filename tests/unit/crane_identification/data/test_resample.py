@@ -7,6 +7,7 @@ from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import (
     SHORTEST_RUN,
     interruptions,
+    regular,
     resample,
     sampling_rate,
     slowed,
@@ -201,3 +202,36 @@ def test_a_lower_rate_keeps_gaps_and_slower_signals() -> None:
     assert log.position.resolution is not None
     same = log_of(position, line(coarse))
     assert slowed(same, None) is same
+
+
+def swinging(time: np.ndarray, stamps: np.ndarray) -> Log:
+    """A joint that swings and one that stands, measured at `time` and stamped `stamps`."""
+    noise = 1e-5 * np.random.default_rng(0).normal(size=(len(time), 2))
+    value = noise + np.column_stack([np.sin(1.5 * time), np.zeros(len(time))])
+    return log_of(Signal(stamps, value, "states"), Signal(stamps, value, "states"))
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.1])
+@pytest.mark.parametrize("jitter", [0.3, 0.05])
+def test_stamps_that_jitter_around_regular_samples_are_put_right(
+    lost: float, jitter: float
+) -> None:
+    random = np.random.default_rng(3)
+    true = 1e-3 * np.flatnonzero(random.uniform(size=20000) >= lost)
+    stamps = true + 1e-3 * random.uniform(-jitter, jitter, len(true))
+    log = regular(swinging(true, stamps))
+    np.testing.assert_allclose(log.position.time, true, atol=2e-5)
+    assert log.pressure_a is not None and log.pressure_a.time is log.position.time
+    (note,) = log.notes
+    assert "1 ms apart" in note
+
+
+def test_stamps_that_tell_when_samples_were_taken_stay() -> None:
+    time = jittered(4000, 5)
+    for stamps in (time, np.cumsum(np.random.default_rng(6).uniform(1e-3, 9e-3, 4000))):
+        log = swinging(stamps, stamps)
+        assert regular(log) is log
+    drifting = np.arange(20000) * 1e-3
+    slow = drifting + 0.01 * np.sin(0.2 * drifting)  # a clock that wanders by ten samples
+    log = swinging(drifting, slow)
+    assert regular(log) is log

@@ -70,12 +70,20 @@ def test_periods_that_are_lost(report, averaging, words):
 
 
 def test_resting_joints_and_what_a_log_says_of_itself(report):
-    resting = report.fit.preparations[0].moving.copy()
-    resting[:, 2] = False
-    fits = replace(
-        report.fit, preparations=tuple(replace(p, moving=resting) for p in report.fit.preparations)
-    )
-    assert any("telescope moves in only 0" in w for w in warnings_of(report, fits))
+    masked = report.fit.preparations[0].moving.copy()
+    masked[:, 2] = False
+    moving = tuple(replace(p, moving=masked) for p in report.fit.preparations)
+    reversing = replace(report.fit, preparations=moving)
+    assert not any("Weak excitation" in w for w in warnings_of(report, reversing))
+    standing = tuple(replace(p, signed=masked) for p in report.fit.preparations)
+    resting = replace(report.fit, preparations=standing)
+    assert any("telescope moves in only 0" in w for w in warnings_of(report, resting))
+    first = moving[0]
+    velocity = first.record.velocity.copy()
+    velocity[len(velocity) // 5 :, 2] *= 1e-3
+    once = replace(first, record=replace(first.record, velocity=velocity))
+    fits = replace(report.fit, preparations=(once,))
+    assert any("telescope moves in only" in w for w in warnings_of(report, fits))
 
     log = replace(report.training[0], missing=("/valve_command",), notes=("stamps repeated",))
     found = warnings_of(report, logs=[log])
