@@ -61,7 +61,6 @@ setup(
         "scikit-learn",
         "scipy",
         "threadpoolctl",
-        "tqdm",
     ],
     extras_require={
         "cluster": ["distributed"],

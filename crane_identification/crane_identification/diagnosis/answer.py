@@ -566,6 +566,11 @@ def _rejected(one: Rejection) -> str:
                 f"it closes {one.measured:.0%} of what could be closed of the gap on held-out "
                 f"recordings, and {limit:.0%} are asked for"
             )
+        case Reason.RESEMBLANCE:
+            return (
+                f"it explains {one.measured:.0%} of what can be explained, and {limit:.0%} are "
+                "asked for"
+            )
         case Reason.WIDENED:
             return with_it
 

@@ -322,6 +322,7 @@ class Reason(Enum):
     RIVALS = "rivals"  # effects that look different are as good
     SIGNATURE = "signature"  # another signature explains more than any curve of the effect
     CLOSED = "closed"  # [share of the held-out gap that it closes; share that is asked for]
+    RESEMBLANCE = "resemblance"  # [share that it explains of what can be explained; least share]
     WIDENED = "widened"  # the held-out error does not fall where the effect acts
 
 

@@ -401,6 +401,8 @@ def proved(
         failing = [
             Short(one, why) for one in trial.effects if (why := objection(one, gap, thresholds))
         ]
+        if not failing and trial.effects and (why := resemblance(trial, before, thresholds)):
+            failing = [Short(trial.effects[-1], why)]
         if not failing:
             break
         short.insert(0, failing[-1])
@@ -410,6 +412,18 @@ def proved(
     progress("what is left", 1.0)
     progress("gap", 1.0)
     return Proof(before, trial, gap, tuple(short), lines, pulsations(lines, thresholds))
+
+
+def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> Rejection | None:
+    """Why effects only resemble what is missing; None if they are what is missing.
+
+    They leave most of the energy beyond noise where they act, and explain less than half of what a
+    learner explains besides: what is left is systematic, but not of their form.
+    """
+    least = thresholds.method.simple_share
+    if trial.left_share <= 1.0 - least or (share := trial.explained(before)) >= least:
+        return None
+    return Rejection(Reason.RESEMBLANCE, share, least)
 
 
 def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> Rejection | None:
