@@ -89,9 +89,9 @@ def unplug(suite: Processes, domain: int, law: CraneRun, seed: int, joint: str, 
             _go_home(suite, hand, keys, law)
             home = hand.now
             suite.until(lambda: _disabled(hand, keys), "the driver is not disabled")
-        suite.tell("crane", mended := f"mended={joint}.encoder")
-        told = mended.replace("=", ": ")
-        suite.until(lambda: told in suite.said("crane"), "the encoder is not mended")
+        suite.tell("crane", repaired := f"repaired={joint}.encoder")
+        told = repaired.replace("=", ": ")
+        suite.until(lambda: told in suite.said("crane"), "the encoder is not repaired")
         suite.until(lambda: hand.substitute(""), "the encoder is not taken back")
         suite.until(lambda: hand.reads(joint), "no reading of the encoder comes")
         end = time.monotonic() + PLUGGED_IN_S

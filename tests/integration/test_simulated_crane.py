@@ -140,13 +140,13 @@ def test_a_plug_is_pulled_in_mid_motion_and_put_back() -> None:
             telescope=0.5,
         )  # fmt: skip
         frozen = bench.position("telescope")
-        bench.process.stdin.write("mended=telescope.encoder\n")
+        bench.process.stdin.write("repaired=telescope.encoder\n")
         bench.process.stdin.flush()
         bench.until(lambda: bench.position("telescope") > frozen + 0.02, telescope=0.5)
         bench.process.send_signal(signal.SIGTERM)
         output, _ = bench.process.communicate(timeout=PATIENCE)
     assert "fault: telescope.encoder.stuck" in output
-    assert "mended: telescope.encoder" in output
+    assert "repaired: telescope.encoder" in output
 
 
 def test_a_bus_that_cannot_be_opened_ends_it_with_a_message() -> None:

@@ -271,7 +271,7 @@ class _Running:
 class Faults:
     """Those of one machine of j joints, k of them with transducers. Times [s] go on.
 
-    Others may be added, and parts mended, from another thread than that which reads.
+    Others may be added, and parts repaired, from another thread than that which reads.
     """
 
     def __init__(

@@ -89,7 +89,7 @@ def test_transducers(machine: Machine, offset: float, gain: float) -> None:
     np.testing.assert_allclose(shown_supply - supply, 2e4 * TIME, atol=1e-6)
 
 
-def test_what_is_mended_is_well_again(machine: Machine) -> None:
+def test_what_is_repaired_is_well_again(machine: Machine) -> None:
     faults = Faults(machine, [f"{JOINT}.encoder.jump", "telescope.encoder.jump"])
     faults.mend(f"{JOINT}.encoder")
     np.testing.assert_allclose(faults.positions(1.0, np.zeros(4)), [0.0, 0.0, 0.0, 0.02])
@@ -132,7 +132,7 @@ def test_a_person_pulls_a_plug(machine: Machine, capsys: pytest.CaptureFixture[s
     operator.obey(f"fault={JOINT}.encoder.jump=0.5\n")
     assert capsys.readouterr().out == f"fault: {JOINT}.encoder.jump=0.5\n"
     assert faults.positions(0.0, np.zeros(4))[COLUMN] == 0.5
-    operator.obey("mended=all")
+    operator.obey("repaired=all")
     assert faults.positions(0.0, np.zeros(4))[COLUMN] == 0.0
     with pytest.raises(ConfigurationError, match="identified from a model"):
         operator.obey(f"fault={JOINT}.valve.leaking")

@@ -48,8 +48,6 @@ from crane_model.machine import Machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_digest, machine_file
 from crane_model.model_file import Model, load_model
 from crane_nodes import this_computer
-from crane_observer.monitor.replay import watch
-from crane_observer.monitor.tolerance import Tolerance, learn
 from crane_sim.parts.parameters import SimulatedCrane, load_both
 from crane_trajectory.control.choice import PD_DEAD_BAND
 from crane_trajectory.motion.check import load_clearance
@@ -248,7 +246,7 @@ class _Rehearsal:
         faults = self.request.fault or every_kind(machine, _joint_to_fail(model))
         tried = sensor_faults(
             *(run.machine, model, simulated, motion, faults),
-            *(_tolerance(run, model), run.bag("faults"), self.request.seed),
+            *(run.bag("faults"), self.request.seed),
         )
         self.results["faults"] = list(tried)
 
@@ -261,12 +259,3 @@ def _joint_to_fail(model: Model) -> str:
     """The last joint that turns, or the last one."""
     turning = [joint for joint in model.joints if model.setting.units[joint] == "rad"]
     return (turning or list(model.joints))[-1]
-
-
-def _tolerance(run: CraneRun, model: Model) -> Tolerance | None:
-    """Learnt from the recordings without a fault; None if they are too short."""
-    sums = [watch(run.bag(use), model, None).sums for use in ("train", "validate")]
-    try:
-        return learn(model.joints, sums, "learnt from the rehearsal")
-    except DataError:
-        return None

@@ -13,7 +13,6 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import Model
 from crane_model.result_file import Number, ResultPart
 from crane_observer.monitor.replay import compare
-from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.recording import HeardRecording
 from crane_sim.make_bag import write_bag
 from crane_sim.parts.parameters import SimulatedCrane
@@ -201,11 +200,14 @@ def sensor_faults(
     simulated: SimulatedCrane,
     motion: Motion,
     faults: Sequence[str],
-    tolerance: Tolerance | None,
     folder: Path,
     seed: int,
 ) -> Iterator[RehearsedFault]:
-    """Record the motion once with each fault, and give each recording to the sensor monitor."""
+    """Record the motion once with each fault, and give each recording to the sensor monitor.
+
+    The monitor has not learnt the machine: these recordings, made without the bus, have other dead
+    times than those of the rehearsal.
+    """
     machine = model.machine
     assert machine is not None  # a model of a machine with hydraulics
     gains = load_gains(machine_file("controller.yaml", machine_name), machine)
@@ -234,7 +236,7 @@ def sensor_faults(
         usual = largest(healthy, target)
         try:
             found = recorded(fault, [f"{fault}@{onset:g}"])
-            watched = compare(HeardRecording.read(folder / fault, model.joints), model, tolerance)
+            watched = compare(HeardRecording.read(folder / fault, model.joints), model, None)
         except RangeError as error:
             yield RehearsedFault(
                 fault=fault, off=None, usual=usual, named=f"not recorded: {error}", right=False,

@@ -107,9 +107,12 @@ class Recorder(Node):
     def _take(self) -> None:
         arrived: list[tuple[int, bytes, dict[str, Any], Recorded]] = []
         for recorded in self.recorded.values():
+            received = 0
             for data, info in recorded.messages.take():
-                # other middleware than Fast DDS may not stamp
-                arrived.append((info["received_timestamp"] or time.time_ns(), data, info, recorded))
+                # Other middleware than Fast DDS may not stamp. Messages are handed out in
+                # order: one that waited for a lost one before it is as late as that one.
+                received = max(received, info["received_timestamp"] or time.time_ns())
+                arrived.append((received, data, info, recorded))
         arrived.sort(key=lambda message: message[0])
         ticks = deque(self._ticks.take()) if self._ticks else deque()
         for received, data, info, recorded in arrived:
@@ -130,14 +133,15 @@ class Recorder(Node):
 
     def _simulated(self, recorded: Recorded, data: bytes) -> int:
         """Simulated time [ns] at which a message is received: not before its stamp, though its
-        tick of /clock may come later.
+        tick of /clock may come later. Of a stamp that is farther ahead than simulated time can be,
+        nothing is believed.
         """
         now = nanoseconds(self._time.stamp())
         if not recorded.stamped:
             return now
         seconds, rest = struct.unpack_from(STAMP_FORMATS[data[ORDER_BYTE] & 1], data, STAMP_BYTE)
         stamp = int(seconds * NANOSECONDS + rest)
-        return stamp if 0 < stamp - now <= AHEAD_S * NANOSECONDS else now
+        return stamp if 0 < stamp - now <= 2.0 * AHEAD_S * NANOSECONDS else now
 
     def _expected(self) -> dict[str, Early]:
         """Subscribe as the suite publishes; what others offer is seen when they come."""
