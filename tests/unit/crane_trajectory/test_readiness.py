@@ -46,6 +46,18 @@ def test_a_crane_must_have_rested(velocity: np.ndarray, ready: Readiness) -> Non
     assert ready.lacking(TIMEOUT, NOW + 0.1 + REST_TIME_S) == ""
 
 
+def test_noise_of_the_sensors_is_no_motion_but_a_slow_joint_is() -> None:
+    """Inertial sensors of field machines: rates at rest scatter by twice the standstill speed."""
+    standstill = TUNING.gains.standstill_speed
+    noise = np.random.default_rng(3).normal(size=(50, len(JOINTS)))
+    for drift, rests in ((0.0, True), (2.0, False)):
+        readiness = Readiness()
+        for k, scatter in enumerate(noise):
+            velocity = standstill * (drift + 2.0 * (scatter - noise.mean(axis=0)))
+            readiness.sample(PLACE, velocity, TUNING, NOW + 0.02 * k)
+        assert (readiness.lacking(TIMEOUT, NOW + 0.98) == "") is rests
+
+
 def test_a_crane_that_was_moved_is_not_where_its_motion_starts(ready: Readiness) -> None:
     ready.sample(PLACE + 0.4 * TUNING.tolerance, REST, TUNING, NOW)
     assert not ready.moved_from(PLACE, TUNING, UNITS)
