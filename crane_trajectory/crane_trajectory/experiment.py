@@ -40,14 +40,14 @@ NEUTRAL_AFTER = 0.2  # s, in which the driver surely sees that commands end at n
 REST_TIME_S = 0.5  # over which the mean velocity of a joint at rest is below its standstill speed
 
 
-class Rest:
+class Standstill:
     """Whether joints are at rest, by their mean velocity over `REST_TIME_S`: the noise of inertial
     sensors, above the standstill speed, averages out.
     """
 
     def __init__(self) -> None:
         self._since = math.inf  # when velocities began to come
-        self._standstill = np.zeros(0)  # (j,)
+        self._limits = np.zeros(0)  # (j,)
         self._newest: deque[tuple[float, np.ndarray]] = deque()
 
     def forget(self) -> None:
@@ -58,7 +58,7 @@ class Rest:
     def add(self, velocity: np.ndarray, tuning: Tuning, now: float) -> None:
         """Take velocities (j,) [rad/s, m/s], and the standstill speeds in force."""
         self._since = min(self._since, now)
-        self._standstill = tuning.gains.standstill_speed
+        self._limits = tuning.gains.standstill_speed
         self._newest.append((now, np.array(velocity, dtype=float)))
         while self._newest[0][0] <= now - REST_TIME_S:
             self._newest.popleft()
@@ -68,7 +68,7 @@ class Rest:
         if now - self._since < REST_TIME_S:
             return False
         mean = np.mean([velocity for _, velocity in self._newest], axis=0)
-        return bool((np.abs(mean) < self._standstill).all())
+        return bool((np.abs(mean) < self._limits).all())
 
 
 class PeriodicError:
@@ -188,7 +188,7 @@ class Experiment:
         self._command = np.zeros(len(self._units))
         self._commanded = now
         self._entered = now  # the stage
-        self._rest = Rest()
+        self._standstill = Standstill()
         self._noted: dict[ControlCondition, str] = {}
         self._controller = controller
         if controller is not None:
@@ -275,7 +275,7 @@ class Experiment:
         dt = stamp - self._stamp if self._stamp is not None else 0.0
         self._stamp, self._heard = stamp, now
         tuning = self._tuning.advance(max(dt, 0.0))
-        self._rest.add(velocity, tuning, now)
+        self._standstill.add(velocity, tuning, now)
         if self.stage in (Stage.LEADING, Stage.BRAKING, Stage.SETTLING):
             self._clock.advance(dt)
             try:
@@ -294,7 +294,7 @@ class Experiment:
                 "see /diagnostics of the driver",
                 now,
             )
-            self._rest.forget()
+            self._standstill.forget()
             return self._ramp(now)
         return None
 
@@ -370,7 +370,7 @@ class Experiment:
             # at most twice the position tolerance, where F_f crosses the dead band in full
             near = 2.0 * tuning.gains.position_tolerance
             there = bool((np.abs(self.tracking_error) <= near).all())
-            if (there and self._rest.reached(now)) or now - self._entered > LONGEST_SETTLING:
+            if (there and self._standstill.reached(now)) or now - self._entered > LONGEST_SETTLING:
                 self._release(now)
         elif self._clock.stopped or self._clock.time >= self.motion.duration:
             self.stage, self._entered = Stage.SETTLING, now
@@ -388,7 +388,7 @@ class Experiment:
         neutral_for = now - self._entered - RELEASE_TIME_S
         unknown = now - self._heard > self._timeout
         if neutral_for > NEUTRAL_AFTER and (
-            unknown or self._rest.reached(now) or neutral_for > LONGEST_SETTLING
+            unknown or self._standstill.reached(now) or neutral_for > LONGEST_SETTLING
         ):
             self.stage = Stage.OVER
         return self._command
@@ -402,24 +402,24 @@ class Readiness:
     def __init__(self) -> None:
         self.position: np.ndarray | None = None  # (j,) rad, m: the newest
         self._heard = -math.inf  # when the newest joint state came
-        self._rest = Rest()
+        self._standstill = Standstill()
 
     def forget_states(self) -> None:
         self.position = None
-        self._rest.forget()
+        self._standstill.forget()
 
     def sample(
         self, position: np.ndarray, velocity: np.ndarray, tuning: Tuning, now: float
     ) -> None:
         """A joint state (j,), (j,) [SI] has come."""
         self.position, self._heard = position, now
-        self._rest.add(velocity, tuning, now)
+        self._standstill.add(velocity, tuning, now)
 
     def lacking(self, states_timeout: float, now: float) -> str:
         """Obstacle to an experiment, with the remedy; empty if there is none."""
         if self.position is None or now - self._heard > states_timeout:
             return "no joint states come; start the driver and see its /diagnostics"
-        if not self._rest.reached(now):
+        if not self._standstill.reached(now):
             return "the crane is not at rest; bring it to rest"
         return ""
 
