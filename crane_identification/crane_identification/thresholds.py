@@ -1,4 +1,4 @@
-"""Thresholds of a diagnosis, from a file beside the code."""
+"""Thresholds of a diagnosis, read from discrepancy.yaml."""
 
 from pathlib import Path
 from typing import Annotated

@@ -166,8 +166,8 @@ def _regular_times(time: np.ndarray) -> np.ndarray | None:
 
 
 def _straighter(value: np.ndarray, stamps: np.ndarray, times: np.ndarray) -> bool:
-    """Whether the motion (n, j) of a joint bends much less from sample to sample at `times` (n,),
-    and that of no joint much more.
+    """Return whether the positions (n, j) of one joint or more are much smoother at `times` (n,)
+    than at `stamps` (n,), and those of no joint much rougher.
     """
     ratios = []
     for column, step in zip(value.T, encoder_resolution(value), strict=True):

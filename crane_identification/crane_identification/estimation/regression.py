@@ -165,11 +165,12 @@ def noise_of_residual(
     bread: np.ndarray,
     products: np.ndarray,
 ) -> np.ndarray:
-    """Standard deviation (j,) of the noise that leaves residuals of such a `norm` (j,).
+    """Standard deviation (j,) of the noise, from the residual `norm` (j,) of each joint.
 
-    Of so many `rows` (j,) of a joint, the parameters take up as many as it determines of them, by
-    its ΦᵀΦ among the `products` (j, p, p) (Patterson and Thompson 1971). Divided by all its rows, a
-    joint with few gains weight until the solution passes through them.
+    The residual sum of squares is divided by the degrees of freedom: the number of `rows` (j,) of
+    the joint less the effective number of parameters that it determines, by its ΦᵀΦ among the
+    `products` (j, p, p) (Patterson and Thompson 1971). Divided by all its rows
+    instead, a joint with few gains weight until the solution passes through them.
     """
     taken = weights**2 * np.einsum("kl,jkl->j", bread, products)
     return np.asarray(norm / np.sqrt(np.maximum(rows - taken, LEAST_FREEDOM)))

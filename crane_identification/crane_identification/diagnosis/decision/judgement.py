@@ -135,10 +135,10 @@ def _blocks(block: np.ndarray, count: int) -> Folds:
 def held_out_gains(
     search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """2 dlogL of each fold that is `asked`, of all if none is given, that the columns `added`
-    (n, c, k) gain beside the model and the `rest` (n, c, k each); with the names of the folds.
+    """Gain in 2 log L on each held-out fold if the columns `added` (n, c, k) join the model and
+    the `rest` (n, c, k each), and the names of the folds; only folds `asked`, if given.
 
-    NaN for a fold without which the others do not tell the columns from those before.
+    NaN for a fold if the other folds cannot separate the added columns from the rest.
     """
     evidence, whitener = search.evidence, search.whitener
     fold, names = asked or folds(evidence)
@@ -236,9 +236,11 @@ def same_effect(one: Candidate, other: Candidate) -> bool:
 
 
 def likeness(search: Search, one: int, others: Sequence[int]) -> np.ndarray:
-    """Cosines (m,) of the angles by which what one candidate explains lies outside each of m other
-    candidates, beside the base: of the one with fewer columns the worst of them, as far as the
-    signs of parameters let the other one follow it.
+    """Cosines (m,) of the largest angles between the columns of one candidate and those of each of
+    m others, after projection on the complement of the base.
+
+    Each column of the candidate with fewer columns is fitted by the other candidate, within the
+    signs that its parameters may have; the column that is fitted worst counts.
     """
     projection, out = search.projection, np.full(len(others), np.inf)
     own, gram, free = projection.columns_of[one], projection.gram, ~projection.positive

@@ -241,8 +241,8 @@ def or_lengths(search: Search, found: Sequence[Judged]) -> tuple[Judged, ...]:
 
 
 def _or_lengths(search: Search, scale: Judged, rest: Sequence[Judged]) -> Judged:
-    """The scale of one joint beside the `rest`: linkages of other joints may be what it is, if the
-    most likely lengths explain about as much.
+    """Return the scale of one joint, with the linkages of other joints as indistinct from it if
+    the most likely lengths explain about as much beside the `rest`.
     """
     if any(one.type == LINKAGE for one in (scale.shaped.candidate, *scale.indistinct)):
         return scale

@@ -295,8 +295,8 @@ class Gap(HeldOut):
 
 
 class Unchanged(NamedTuple):
-    """What no effect changes: what the model before leaves in training (n, c), what a learner that
-    knows this predicts of the held-out rows (n', j), and the simulated motion there.
+    """The part of the gap that no effect changes: training residual (n, c) of the model before,
+    its prediction (n', j) by a learner on the held-out rows, and the simulated motion there.
     """
 
     training: np.ndarray

@@ -218,7 +218,7 @@ class Projection:
         return np.array(list(numbers), dtype=int)
 
     def best_shapes(self, gains: np.ndarray) -> list[int]:
-        """Of each effect the candidate of the largest of the `gains` (candidates,)."""
+        """Return the candidate with the largest of the `gains` (candidates,) for each effect."""
         order = np.lexsort((-gains, self.effect))
         first = np.unique(self.effect[order], return_index=True)[1]
         return order[first].tolist()
@@ -347,7 +347,7 @@ def extended(
 ) -> Iterator[Subset]:
     """`start` with each further candidate, at its best shape, where signs and sizes are right.
 
-    The best shape is chosen by the Schur complement of its columns beside the set.
+    The best shape has the largest gain by the Schur complement of the Gram matrix.
     """
     inside = np.array([c for i in start.numbers for c in projection.columns_of[i]], dtype=int)
     beside = BesideSet(projection, inside)
@@ -385,8 +385,8 @@ def extended(
 
 
 class BesideSet:
-    """What is left of each column beside those of a set, `inside` (d,): its `score` (K,), and what
-    it has `mixed` (d, K) with those of the set.
+    """The Schur complement of the columns `inside` (d,) of a set: the `score` (K,) of each column
+    after projection, and the coefficients `mixed` (d, K) of the projection.
     """
 
     def __init__(self, projection: Projection, inside: np.ndarray) -> None:
@@ -396,7 +396,7 @@ class BesideSet:
         self.score = self.of(projection.score)
 
     def of(self, score: np.ndarray) -> np.ndarray:
-        """Inner products (K, ...) of the columns with a force, as they are beside the set."""
+        """Return the `score` (K, ...) of a force after the projection of the columns."""
         return np.asarray(score - self.mixed.T @ score[self._inside])
 
     def blocks(self, columns: np.ndarray) -> np.ndarray:

@@ -219,7 +219,7 @@ def explained(search: Search, *columns: np.ndarray) -> float:
 
 
 def gained(search: Search, rest: Sequence[np.ndarray], columns: np.ndarray) -> float:
-    """2 dlogL that columns (n, c, k) gain beside the `rest` (n, c, k each) and the base."""
+    """Return the gain in 2 log L by columns (n, c, k) beside the `rest` (n, c, k each)."""
     return explained(search, *rest, columns) - explained(search, *rest)
 
 
