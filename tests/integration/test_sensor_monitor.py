@@ -12,7 +12,7 @@ from integration.jogging import hold, jogging
 from integration.processes import PATIENCE, RUN, start
 from unit.crane_observer.observed import known
 
-from crane_interfaces.msg import DriverState, SensorFindings
+from crane_interfaces.msg import DriverState, SensorFindings, ValveCommand
 from crane_model.configuration import save
 from crane_model.model_file import Model, save_model
 from crane_nodes.driver_client import DriverClient
@@ -78,6 +78,12 @@ def test_an_encoder_that_freezes_in_mid_motion_is_named(tmp_path: Path, stage: S
         assert list(first_found(stage, told).joint) == ["outer_boom"]
         stage.until(lambda: stage.diagnostics[DIAGNOSED][0] != b"\x00")
         stage.until(lambda: not stage.valves[-1].enabled)
+        somebody = stage.node.create_publisher(ValveCommand, "valve_command", 1)
+        stage.until(lambda: somebody.get_subscription_count() > 1)
+        somebody.publish(ValveCommand())  # by whose clock it is 1970
+        go_on(stage, 300)
+        stage.node.destroy_publisher(somebody)
+        assert found(told[-1:]), "and what was found is not forgotten"
 
 
 def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: Stage) -> None:

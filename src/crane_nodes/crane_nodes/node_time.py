@@ -48,6 +48,8 @@ class NodeTime:
         """Depth of a publisher whose messages a starved process must not lose."""
         self._heard = time.monotonic()
         self._newest = 0
+        self.known = not self.simulated
+        """Whether the time is known: simulated time is not before the first tick."""
         source = node._time_source
         self._told: Callable[[Clock], None] = source.clock_callback
         if source._clock_sub is not None:  # which does not tell that the clock is alive
@@ -62,7 +64,7 @@ class NodeTime:
     def tell(self, message: Clock) -> None:
         """Take the time that a message of `/clock` tells."""
         self._heard = time.monotonic()
-        self._newest = nanoseconds(message.clock)
+        self._newest, self.known = nanoseconds(message.clock), True
         self._told(message)
 
     def now(self) -> float:
@@ -82,6 +84,7 @@ class NodeTime:
         time_of_message = nanoseconds(stamp)
         if time_of_message > self._newest:  # /clock may wait behind it, while an executor is held
             self._newest, self._heard = time_of_message, time.monotonic()
+            self.known = True
         return time_of_message / NANOSECONDS
 
     def stamp(self) -> Time:

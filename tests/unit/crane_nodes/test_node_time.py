@@ -87,7 +87,9 @@ def test_simulated_time_is_that_of_the_newest_tick(
 ) -> None:
     node = make(True)
     clock = NodeTime(node)
+    assert not clock.known
     clock.tell(tick(7.0))
+    assert clock.known
     real.now += 50.0  # less than PATIENCE_S: whoever ticks may be slow
     assert clock.now() == 7.0
     assert clock.stamp() == stamp_of(7 * SECOND)

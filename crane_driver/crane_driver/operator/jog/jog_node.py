@@ -250,6 +250,8 @@ class Jog(Node):
         self._publisher = self.create_publisher(ValveCommand, "valve_command", NEWEST_MESSAGE)
         while not self._publisher.get_subscription_count():
             self._wait(stop, until, "the driver takes no commands: is it active?")
+        while not self.clock.known:  # no command is stamped before that
+            self._wait(stop, until, "/clock does not tell the time: is the driver active?")
         say_ready(self)
 
     def work(self) -> None:

@@ -192,6 +192,7 @@ class ObserverNode(LifecycleNode):
         self._set_backs = 0  # that were told
         self._heard, self._tells, self._longest_wait = heard, tells, longest_wait
         self._came: InOrder[Any] = InOrder(longest_wait)
+        self.outputs_heard = False  # the driver tells what it sends to the valves
         self.zero: int | None = None  # ns, stamp of the first message
         self._queues: list[Polled] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -209,9 +210,14 @@ class ObserverNode(LifecycleNode):
     def end(self) -> None:
         raise NotImplementedError
 
-    def counts(self, topic: HeardTopic, message: Any) -> bool:
-        """Return whether a message that has just come is to be taken."""
-        return True
+    def counts(self, topic: HeardTopic) -> bool:
+        """Return whether a message that has just come is to be taken.
+
+        Commands that were asked for are not, once the driver tells what it made of them: they
+        have the time of whoever asks.
+        """
+        self.outputs_heard = self.outputs_heard or topic is OUTPUTS
+        return not (self.outputs_heard and topic is COMMANDS)
 
     def take(self, stamp: int, topic: HeardTopic, message: Any) -> None:
         """A message whose turn it is, with its stamp [ns]."""
@@ -267,6 +273,7 @@ class ObserverNode(LifecycleNode):
 
     def _begin(self) -> None:
         self._came, self.zero = InOrder(self._longest_wait), None
+        self.outputs_heard = False
         self.begin()
 
     def _finish(self) -> None:
@@ -279,6 +286,8 @@ class ObserverNode(LifecycleNode):
             return
         for place, (topic, queue) in enumerate(zip(self._heard, self._queues, strict=True)):
             for message, _ in queue.take():
+                if not self.counts(topic):
+                    continue
                 stamp = nanoseconds(message.header.stamp)
                 if self._back.comes(topic.name, stamp):
                     if self._back.times != self._set_backs:
@@ -286,8 +295,7 @@ class ObserverNode(LifecycleNode):
                         self.get_logger().warning(str(self._back))
                     self.end()
                     self._begin()
-                if self.counts(topic, message):
-                    self._came.add(stamp, place, message)
+                self._came.add(stamp, place, message)
         for stamp, place, message in self._came.take():
             self.zero = stamp if self.zero is None else self.zero
             self.take(stamp, self._heard[place], message)

@@ -82,7 +82,6 @@ class PayloadEstimatorNode(ObserverNode):
         self._payload: PayloadEstimate | None = None
         self._estimated = 0.0
         self._estimator: PayloadEstimator | None = None
-        self._outputs_heard = False  # the driver tells what it sends to the valves
         self._findings, self._heeded = SensorFindings(), True
         self._loads = self.create_lifecycle_publisher(TipLoad, "tip_load", LATCHED)
         self.create_subscription(SensorFindings, "sensor_findings", self._found, LATCHED)
@@ -102,17 +101,12 @@ class PayloadEstimatorNode(ObserverNode):
         """Nothing is known of the load yet."""
         self._lifts, self._payload = LiftLog(), None
         self._estimator = PayloadEstimator(self._model)
-        self._outputs_heard = self._heeded = False
+        self._heeded = False
 
     def end(self) -> None:
         """The lift that hangs there ends."""
         self._ended(self._lifts.end())
         self._estimator = None
-
-    def counts(self, topic: HeardTopic, message: Heard) -> bool:
-        """Commands that were asked for do not, once the driver tells what it made of them."""
-        self._outputs_heard = self._outputs_heard or topic is OUTPUTS
-        return not (self._outputs_heard and topic is COMMANDS)
 
     def take(self, stamp: int, topic: HeardTopic, message: Heard) -> None:
         """What follows for the load."""

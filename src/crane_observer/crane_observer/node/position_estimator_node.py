@@ -219,10 +219,10 @@ class PositionEstimatorNode(ObserverNode):
     def end(self) -> None:
         self._hearing = None
 
-    def counts(self, topic: HeardTopic, message: Heard) -> bool:
+    def counts(self, topic: HeardTopic) -> bool:
         if topic is PRESSURES:
             self._pressed = self.clock.now()
-        return True
+        return super().counts(topic)
 
     def take(self, stamp: int, topic: HeardTopic, message: Heard) -> None:
         assert self._hearing is not None

@@ -53,7 +53,6 @@ class SensorMonitorNode(ObserverNode):
     def __init__(self) -> None:
         super().__init__("sensor_monitor", PARAMETERS, HEARD, MONITOR_VISIT, "sensors")
         self._watch: SensorWatch | None = None
-        self._outputs_heard = False  # the driver tells what it sends to the valves
         self._compared = 0.0
         self._findings = self.create_lifecycle_publisher(SensorFindings, "sensor_findings", LATCHED)
         self.create_service(Trigger, "~/forget", self._forget)
@@ -67,17 +66,11 @@ class SensorMonitorNode(ObserverNode):
 
     def begin(self) -> None:
         """Nothing has been found yet, which is told to who heard of a monitor before."""
-        self._outputs_heard = False
         self._watch = SensorWatch(self._model, self._tolerance)
         self._publish()
 
     def end(self) -> None:
         self._watch = None
-
-    def counts(self, topic: HeardTopic, message: Heard) -> bool:
-        """Commands that were asked for do not, once the driver tells what it made of them."""
-        self._outputs_heard = self._outputs_heard or topic is OUTPUTS
-        return not (self._outputs_heard and topic is COMMANDS)
 
     def take(self, stamp: int, topic: HeardTopic, message: Heard) -> None:
         for finding in self._found(self.seconds(stamp), message):
