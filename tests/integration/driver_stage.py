@@ -183,8 +183,8 @@ class Stage:
     def _know_driver(self) -> None:
         """It has reported, and it has found who calls it: else an answer may be lost."""
         self.until(lambda: self._safety in self.diagnostics)
-        self.until(lambda: all(one.service_is_ready() for one in self._clients.values()))
-        wait_until_heard(self.node, "driver", self.until)
+        self.until_there(lambda: all(one.service_is_ready() for one in self._clients.values()))
+        wait_until_heard(self.node, "driver", self.until_there)
 
     def close(self) -> None:
         self._pacing.close()
@@ -195,12 +195,21 @@ class Stage:
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 
-    def until(self, condition: Callable[[], object], seconds: float = PATIENCE) -> None:
-        """Work until a condition holds; the seconds bound a test that fails."""
+    def until(
+        self, condition: Callable[[], object], seconds: float = PATIENCE, still: bool = False
+    ) -> None:
+        """Work until a condition holds; the seconds bound a test that fails.
+
+        `still`: simulated time stands and leaves the computer to those who are waited for.
+        """
         deadline = time.monotonic() + seconds
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain; {self.diagnostics}"
-            self.spin()
+            self.spin(still)
+
+    def until_there(self, condition: Callable[[], object]) -> None:
+        """Wait for a process that needs no simulated time."""
+        self.until(condition, still=True)
 
     def end(self, process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:
         """End a process that may need time to bring the crane to rest; its exit status."""
@@ -214,7 +223,7 @@ class Stage:
         self.until(lambda: made(self.states[-1]) > called and condition(self.states[-1]))
         return self.states[-1]
 
-    def spin(self) -> None:
+    def spin(self, still: bool = False) -> None:
         self._executor.spin_once(timeout_sec=0.01)
         for topic, told in self._topics:
             for message, _ in topic.take():
@@ -224,7 +233,8 @@ class Stage:
                 self.time = told * 1e-9
             elif told_time(frame, STEP) is None:
                 self._seen(frame, self.time if self.simulated else frame.steady)
-        self._pacing.taken()
+        if not still:
+            self._pacing.taken()
 
     def _seen(self, frame: Frame, steady: float) -> None:
         readings = self.codec.decode(frame)
@@ -320,8 +330,8 @@ def commander(stage: Stage) -> Iterator[Commander]:
     """A publisher of commands, and none after it."""
     process = Commander(*stage.ros())
     try:
-        stage.until(lambda: stage.node.count_publishers("valve_command") == 1)
+        stage.until_there(lambda: stage.node.count_publishers("valve_command") == 1)
         yield process
     finally:
         process.end()
-        stage.until(lambda: stage.node.count_publishers("valve_command") == 0)
+        stage.until_there(lambda: stage.node.count_publishers("valve_command") == 0)

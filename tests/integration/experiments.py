@@ -71,9 +71,9 @@ class Experiments:
     def begin(self) -> None:
         self.process = start(self._program, *self.stage.ros(*self.arguments))
         for ready in (self.action.server_is_ready, self._set.service_is_ready):
-            self.stage.until(ready)
-        self.stage.until(self._change.service_is_ready)
-        wait_until_heard(self.stage.node, "/trajectory", self.stage.until)
+            self.stage.until_there(ready)
+        self.stage.until_there(self._change.service_is_ready)
+        wait_until_heard(self.stage.node, "/trajectory", self.stage.until_there)
         self.stage.disabled()
         self.stage.until(lambda: "the driver is disabled" in self.refused().message)  # it hears it
 

@@ -75,11 +75,11 @@ class Terminal:
 @contextmanager
 def jogging(stage: Stage, *arguments: str, program: str = JOG) -> Iterator[Terminal]:
     """jog, with the crane enabled by it."""
-    stage.until(lambda: stage.node.count_publishers("/valve_command") == 0)
+    stage.until_there(lambda: stage.node.count_publishers("/valve_command") == 0)
     terminal = Terminal(*arguments, *stage.ros(), program=program)
     try:
-        stage.until(lambda: "emergency stop" in terminal.text)  # the help is there
-        stage.until(lambda: stage.node.count_publishers("/valve_command") == 1)
+        stage.until_there(lambda: "emergency stop" in terminal.text)  # the help is there
+        stage.until_there(lambda: stage.node.count_publishers("/valve_command") == 1)
         enable(stage, terminal)
         yield terminal
     finally:

@@ -38,7 +38,7 @@ def stage(tmp_path: Path, ros_domain: int) -> Iterator[Stage]:
 
 def substituted(stage: Stage, joint: str) -> tuple[bool, str]:
     client = stage.node.create_client(SubstituteEncoder, "driver/substitute")
-    stage.until(client.service_is_ready)
+    stage.until_there(client.service_is_ready)
     future = client.call_async(SubstituteEncoder.Request(joint=joint))
     stage.until(future.done)
     answer = future.result()

@@ -67,7 +67,7 @@ def test_diagnostics_name_safety_bus_and_every_message(stage: Stage) -> None:
 def test_the_driver_can_be_taken_down_and_up_again(stage: Stage) -> None:
     change = stage.node.create_client(ChangeState, "driver/change_state")
     ask = stage.node.create_client(GetState, "driver/get_state")
-    stage.until(lambda: change.service_is_ready() and ask.service_is_ready())
+    stage.until_there(lambda: change.service_is_ready() and ask.service_is_ready())
 
     def to(transition: int) -> int:
         request = ChangeState.Request(transition=Transition(id=transition))
@@ -90,7 +90,7 @@ def test_the_driver_can_be_taken_down_and_up_again(stage: Stage) -> None:
 
 def test_a_command_reaches_the_valves_in_the_cycle_that_it_answers(stage: Stage) -> None:
     publisher = stage.node.create_publisher(ValveCommand, "/valve_command", 10)
-    stage.until(lambda: publisher.get_subscription_count() == 1)
+    stage.until_there(lambda: publisher.get_subscription_count() == 1)
     sent: dict[int, float] = {}  # by value, the time of the joint state that it answers
 
     def answer(state: JointState) -> None:

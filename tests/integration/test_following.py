@@ -80,7 +80,7 @@ def test_what_it_has_learnt_is_told_and_saved(crane: Experiments) -> None:
     values = stage.diagnostics["trajectory: experiment"][2]
     assert any(name.startswith("learnt, outer_boom extending") for name in values)
     client = stage.node.create_client(Trigger, "/trajectory/save_learnt")
-    stage.until(client.service_is_ready)
+    stage.until_there(client.service_is_ready)
     answer = client.call_async(Trigger.Request())
     stage.until(answer.done)
     assert answer.result().success, answer.result().message

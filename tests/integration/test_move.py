@@ -31,7 +31,7 @@ def crane(stage: Stage, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ex
 @pytest.fixture
 def sender(crane: Experiments) -> Iterator[Publisher]:
     publisher = crane.stage.node.create_publisher(JointTrajectory, TOPIC, 10)
-    crane.stage.until(lambda: publisher.get_subscription_count() == 1)
+    crane.stage.until_there(lambda: publisher.get_subscription_count() == 1)
     yield publisher
     crane.stage.node.destroy_publisher(publisher)
 
@@ -89,7 +89,7 @@ def test_an_empty_joint_trajectory_ends_the_motion(crane: Experiments, sender: P
 
 def test_the_motion_ends_at_rest_when_its_sender_is_gone(crane: Experiments) -> None:
     publisher = crane.stage.node.create_publisher(JointTrajectory, TOPIC, 10)
-    crane.stage.until(lambda: publisher.get_subscription_count() == 1)
+    crane.stage.until_there(lambda: publisher.get_subscription_count() == 1)
     moving(crane, publisher)
     crane.stage.node.destroy_publisher(publisher)
     crane.stage.until(

@@ -42,7 +42,7 @@ def monitored(
     stage.node.create_subscription(SensorFindings, "sensor_findings", told.append, LATCHED)
     process = start(MONITOR, *stage.ros(model=folder / "model.yaml"))
     try:
-        stage.until(lambda: DIAGNOSED in stage.diagnostics or process.poll() is not None)
+        stage.until_there(lambda: DIAGNOSED in stage.diagnostics or process.poll() is not None)
         assert process.poll() is None
         yield told
     finally:
@@ -79,7 +79,7 @@ def test_an_encoder_that_freezes_in_mid_motion_is_named(tmp_path: Path, stage: S
         stage.until(lambda: stage.diagnostics[DIAGNOSED][0] != b"\x00")
         stage.until(lambda: not stage.valves[-1].enabled)
         somebody = stage.node.create_publisher(ValveCommand, "valve_command", 1)
-        stage.until(lambda: somebody.get_subscription_count() > 1)
+        stage.until_there(lambda: somebody.get_subscription_count() > 1)
         somebody.publish(ValveCommand())  # by whose clock it is 1970
         go_on(stage, 300)
         stage.node.destroy_publisher(somebody)

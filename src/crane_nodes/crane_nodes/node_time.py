@@ -74,6 +74,13 @@ class NodeTime:
         silent = time.monotonic() - self._heard
         return self._newest / NANOSECONDS + max(0.0, silent - PATIENCE_S)
 
+    def patience(self, seconds: float) -> float:
+        """Real time [s] to wait for what comes within `seconds` where nothing else is computed.
+
+        Simulated time waits for the slowest node, and an answer for simulated time.
+        """
+        return max(seconds, PATIENCE_S) if self.simulated else seconds
+
     def of(self, stamp: Time) -> float:
         """Time [s] at which a message with this stamp is handled.
 

@@ -22,7 +22,6 @@ from crane_nodes.driver_client import DriverClient, NoDriverError
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.managed import Stop, say_ready
 from crane_nodes.node_time import NodeTime, nanoseconds
-from crane_nodes.this_computer import PATIENCE_S
 
 SAMPLES_DEPTH = 50  # messages
 DRIVER_ANSWER_TIMEOUT_S = 10.0  # for the driver to answer
@@ -42,9 +41,7 @@ class CraneClient(Node):
         self._executor.add_node(self)
         self.time = NodeTime(self)
         self.time.listen()
-        self._patience = (
-            PATIENCE_S if self.time.simulated else DRIVER_ANSWER_TIMEOUT_S
-        )  # of real time
+        self.patience = self.time.patience(DRIVER_ANSWER_TIMEOUT_S)
         self.joints: tuple[str, ...] = ()
         self.samples: list[JointInstant] = []
         self.pressures: list[dict[str, float]] = []
@@ -87,7 +84,7 @@ class CraneClient(Node):
         self._wait(seconds)
         self._until(  # where this computer was too busy to take more
             lambda: len(self.samples) >= FEWEST_READINGS,
-            f"no {self._states} in {seconds + self._patience:g} s, or fewer than "
+            f"no {self._states} in {seconds + self.patience:g} s, or fewer than "
             f"{FEWEST_READINGS}; see /diagnostics",
         )
         return np.array([sample.position for sample in self.samples])
@@ -175,7 +172,7 @@ class CraneClient(Node):
             self.cycle(min(end, now + 10.0 * COMMAND_PERIOD_S))
 
     def _until(self, condition: Callable[[], object], otherwise: str) -> None:
-        end = time.monotonic() + self._patience
+        end = time.monotonic() + self.patience
         while not condition():
             if time.monotonic() > end:
                 raise DataError(otherwise)
@@ -183,10 +180,10 @@ class CraneClient(Node):
 
     def _answer(self, future: Future, drive: "NodeDrive | None" = None) -> Any:
         """The answer of the driver; meanwhile the drive, if there is one, commands neutral."""
-        end = time.monotonic() + self._patience
+        end = time.monotonic() + self.patience
         while not future.done():
             if time.monotonic() > end:
-                raise DataError(f"the driver does not answer within {self._patience:g} s")
+                raise DataError(f"the driver does not answer within {self.patience:g} s")
             if drive:
                 drive.tick(0.0)
             else:
@@ -255,7 +252,7 @@ class NodeDrive:
         self._client.recover(self)
 
     def leave(self) -> None:
-        now, patience = self._client.time.now, time.monotonic() + DRIVER_ANSWER_TIMEOUT_S
+        now, patience = self._client.time.now, time.monotonic() + self._client.patience
         end = now() + NEUTRAL_AT_END_S
         while now() < end and time.monotonic() < patience:
             self._publish(0.0)

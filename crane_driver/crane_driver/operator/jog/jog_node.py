@@ -242,7 +242,7 @@ class Jog(Node):
 
     def begin(self, stop: Stop) -> None:
         """Wait for the driver and become its publisher of commands; `JogError` if that fails."""
-        until = time.monotonic() + DRIVER_TIMEOUT_S
+        until = time.monotonic() + self.clock.patience(DRIVER_TIMEOUT_S)
         while not self._driver.ready:
             self._wait(stop, until, self._driver.problem or "the services of the driver are away")
         if others := publishers(self, "valve_command"):

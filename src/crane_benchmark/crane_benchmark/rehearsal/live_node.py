@@ -50,6 +50,7 @@ class Onlooker:
         self.executor = KeptExecutor(context=self._context)
         self.executor.add_node(self.node)
         self.driver = DriverClient(self.node)
+        self.patience = self.clock.patience(ANSWER_TIMEOUT_S)
 
     def lacking(self, listeners: Collection[str]) -> str:
         """Name the nodes that do not listen to the driver yet, or why it could not be enabled.
@@ -79,7 +80,7 @@ class Onlooker:
                 faults += 1
                 if faults == 1:
                     answer = self.driver.reset_fault()
-                    self.executor.spin_until_future_complete(answer, ANSWER_TIMEOUT_S)
+                    self.executor.spin_until_future_complete(answer, self.patience)
             return not lacking or faults > 1
 
         self._suite.until(settled, lambda: self.lacking(listeners))

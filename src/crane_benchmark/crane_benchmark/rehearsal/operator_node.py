@@ -15,7 +15,6 @@ from crane_bags.storage import blocks, open_bag
 from crane_bags.types import DRIVER_STATE, SENSOR_FINDINGS, VALVE_OUTPUT, Topic, typestore
 from crane_benchmark.rehearsal.crane_run import VALIDATION, CraneRun
 from crane_benchmark.rehearsal.live_node import (
-    ANSWER_TIMEOUT_S,
     LEADING,
     Onlooker,
     record_to,
@@ -99,20 +98,28 @@ class OperatorNode(Onlooker):
         self._look()
         return bool(self._ending and self._ending.done())
 
-    def begin(self, trajectory: str) -> bool:
-        """Enable, and one period of a trajectory; whether both were accepted.
+    def begin(self, trajectory: str) -> str:
+        """Enable, and begin one period of a trajectory; why not, or empty.
 
         By this node, which the others know by now.
         """
         enabled = self._answer(self.driver.enable())
         if not (enabled and enabled.success):
-            return False
+            why = enabled.message if enabled else f"no answer within {self.patience:g} s"
+            return f"the driver is not enabled: {why}"
         goal = RunExcitation.Goal(trajectory=trajectory, periods=1)
         handle = self._answer(self._action.send_goal_async(goal))
         if not (handle and handle.accepted):
-            return False
+            why = "refused" if handle else f"no answer within {self.patience:g} s"
+            return f"the trajectory does not begin: {why}"
         self._ending = handle.get_result_async()
-        return True
+        return ""
+
+    @property
+    def ended(self) -> str:
+        """Why the experiment ended."""
+        result = self._ending.result() if self._ending and self._ending.done() else None
+        return result.result.message if result else "it goes on"
 
     def substitute(self, joint: str) -> bool:
         """Ask the driver to go on without this joint's encoder, or with all; whether it does."""
@@ -129,7 +136,7 @@ class OperatorNode(Onlooker):
         self.executor.spin_once(timeout_sec=LOOK_S)
 
     def _answer(self, future: Future) -> Any:
-        self.executor.spin_until_future_complete(future, timeout_sec=ANSWER_TIMEOUT_S)
+        self.executor.spin_until_future_complete(future, timeout_sec=self.patience)
         return future.result()
 
     def _measured(self, message: JointState) -> None:
@@ -147,8 +154,10 @@ def pull_plug(
 ) -> int:
     """The plug, once the joint moves well; when [ns]."""
     hand.ready(listeners)
-    if not (hand.begin(str(run.file(VALIDATION).resolve())) and _moves_well(suite, hand, joint)):
-        raise suite.failed("the experiment ended early", "trajectory")
+    if refused := hand.begin(str(run.file(VALIDATION).resolve())):
+        raise suite.failed(refused, "driver")
+    if not _moves_well(suite, hand, joint):
+        raise suite.failed(f"the experiment ended early: {hand.ended}", "trajectory")
     suite.tell("crane", f"fault={joint}.encoder.stuck")
     at = hand.now
     suite.until(lambda: hand.stopped_by(joint), "nobody notices")
