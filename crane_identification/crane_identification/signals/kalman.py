@@ -153,14 +153,19 @@ def _gains(
     gains, filtered = np.empty((most, STATE_SIZE)), np.empty((most, STATE_SIZE, STATE_SIZE))
     predicted = start.copy()
     for k in range(most):
-        gain = predicted[:, 0] / (predicted[0, 0] + 1.0)
-        keeps = np.eye(STATE_SIZE)
-        keeps[:, 0] -= gain
-        now = keeps @ predicted @ keeps.T + np.outer(gain, gain)
-        gains[k], filtered[k] = gain, now
-        if k > 0 and (np.abs(now - filtered[k - 1]) <= CONVERGED * np.abs(now)).all():
+        steady = k > 0
+        for i in range(STATE_SIZE):
+            gains[k, i] = predicted[i, 0] / (predicted[0, 0] + 1.0)
+        for i in range(STATE_SIZE):  # (I - g h) P (I - g h)' + g g', where h = (1, 0, 0)
+            left = predicted[i, 0] - gains[k, i] * predicted[0, 0]
+            for j in range(STATE_SIZE):
+                now = predicted[i, j] - gains[k, i] * predicted[0, j]
+                now += (gains[k, i] - left) * gains[k, j]
+                filtered[k, i, j] = now
+                steady &= abs(now - filtered[k - 1, i, j]) <= CONVERGED * abs(now)
+        if steady:
             return gains[: k + 1], filtered[: k + 1]
-        predicted = transition @ now @ transition.T + disturbance
+        predicted = transition @ filtered[k] @ transition.T + disturbance
     return gains, filtered
 
 

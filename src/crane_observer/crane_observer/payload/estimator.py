@@ -152,16 +152,31 @@ def means(time: Array, values: Array, begin: float, end: float) -> Array:
 @njit(cache=True, error_model="numpy")
 def slowest_and_fastest(time: Array, values: Array, begin: float, end: float) -> Array:
     """(2, k): least and largest rate of `values` (n, k) in any of the `PIECES` of the window."""
-    out = np.empty((2, values.shape[1]))
+    out = np.full((2, values.shape[1]), np.nan)
     first, last = np.searchsorted(time, begin), np.searchsorted(time, end, side="right")
-    edges = np.linspace(begin, end, PIECES + 1)
+    piece = (end - begin) / PIECES
+    rows = np.empty(last - first, dtype=np.int64)
     for k in range(values.shape[1]):
-        rows = np.flatnonzero(np.isfinite(values[first:last, k])) + first
-        if len(rows) < 2:
-            out[:, k] = np.nan
+        count = 0
+        for i in range(first, last):
+            if np.isfinite(values[i, k]):
+                rows[count] = i
+                count += 1
+        if count < 2:
             continue
-        rates = np.diff(np.interp(edges, time[rows], values[rows, k])) * PIECES / (end - begin)
-        out[0, k], out[1, k] = rates.min(), rates.max()
+        slowest, fastest, before, c = np.inf, -np.inf, 0.0, 1
+        for edge in range(PIECES + 1):
+            # linear between two readings, constant beyond the first and the last
+            at = min(max(begin + edge * piece, time[rows[0]]), time[rows[count - 1]])
+            while time[rows[c]] < at:
+                c += 1
+            t0, y0 = time[rows[c - 1]], values[rows[c - 1], k]
+            value = y0 + (values[rows[c], k] - y0) * (at - t0) / (time[rows[c]] - t0)
+            if edge > 0:
+                slowest = min(slowest, (value - before) / piece)
+                fastest = max(fastest, (value - before) / piece)
+            before = value
+        out[0, k], out[1, k] = slowest, fastest
     return out
 
 
