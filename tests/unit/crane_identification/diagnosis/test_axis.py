@@ -177,12 +177,12 @@ def test_findings_hold_every_key(without_coulomb: Diagnosis) -> None:
     assert {"verdict", "where", "findings", "model_error", "left"} <= set(content)
     assert set(content["findings"][0]) >= {
         *("effect", "name", "joint", "ambiguity_group", "parameters", "score", "threshold"),
-        *("false_alarm_rate", "runner_up", "margin", "visibility", "discriminated_by"),
+        *("runner_up", "margin", "discriminated_by"),
     }
     assert set(content["findings"][0]["parameters"][0]) == {
         *("name", "value", "std_dev", "unit", "minimum", "determined"),
     }
-    assert set(content["where"]["axis"]) >= {"energy_share", "motion_error", "region"}
+    assert set(content["where"]["axis"]) >= {"energy_share", "region"}
 
 
 def test_the_explanation_names_what_the_page_names(
@@ -208,21 +208,9 @@ def test_the_explanation_cuts_nothing(without_coulomb: Diagnosis) -> None:
     assert lines[-1].startswith("Not printed: ") and "findings.json" in lines[-1]
 
 
-def test_pictures_tell_apart_without_colour_and_link_what_they_are_of(
-    without_page: Element,
-) -> None:
-    """By legends that are drawn in them, so that they are printed."""
+def test_the_page_links_what_it_is_of(without_page: Element) -> None:
     addresses = [one.attributes["href"] for one in without_page.find("a")]
     assert {"model.yaml", "findings.json", "axis.yaml", "#finding-1"} <= set(addresses)
-    shapes = {page.PATTERNS.get(one, "") for one in (page.BEFORE, page.AFTER, page.BEST)}
-    assert len(shapes) == 3
-    bars = page.grouped_bars(
-        ["axis"],
-        (("before", page.BEFORE, np.ones(1)), ("after", page.AFTER, np.ones(1))),
-        "error",
-    )
-    assert bars["layout"]["showlegend"]
-    assert [one["marker"]["pattern"]["shape"] for one in bars["data"]] == ["/", ""]
 
 
 def test_the_strength_is_that_of_the_whole_effect(without_coulomb: Diagnosis) -> None:
