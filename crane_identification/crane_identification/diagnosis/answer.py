@@ -30,15 +30,15 @@ from crane_identification.diagnosis.fit.evidence import beside, relative, residu
 from crane_identification.diagnosis.fit.fit import Fitted, UndeterminedError
 from crane_identification.diagnosis.flow import Flow, Flows
 from crane_identification.diagnosis.formula import formula
-from crane_identification.diagnosis.proof.gap import Gap, Line
-from crane_identification.diagnosis.proof.proof import Proof, found_effect, left_held_out
+from crane_identification.diagnosis.proof.gap import OF_PERIODS, OF_SAMPLES, Gap, Line
+from crane_identification.diagnosis.proof.proof import Proof, extended, found_effect
 from crane_identification.diagnosis.residuals import (
     curves_of,
     left_elsewhere,
     solved,
     unknown_force,
 )
-from crane_identification.diagnosis.search.candidates import Candidate, Weighed
+from crane_identification.diagnosis.search.candidates import Candidate, Weighed, with_own_loads
 from crane_identification.diagnosis.search.search import (
     Search,
     detectable,
@@ -54,8 +54,6 @@ from crane_identification.thresholds import Gates, Thresholds
 # The verdict: from what was found, what is left of it, and what the recordings could show.
 
 LISTED_ALTERNATIVES = 4  # members of an ambiguity group that the reason lists
-OF_PERIODS = "the scatter between periods"
-OF_SAMPLES = "what the scatter of samples and surveyed lengths account for"
 NOT_HELD = "something is left that no effect of the catalogue explains"
 
 
@@ -164,20 +162,13 @@ def _better_known(gap: Gap) -> str:
 def _of_noise(gap: Gap) -> str:
     errors = np.maximum(gap.after, gap.training_before)
     known = np.isfinite(gap.floor)
-    said = f"the force errs by {gap.over_samples(errors).max():.1f} times {OF_SAMPLES}"
+    said = f"the force errs by {gap.over(errors, OF_SAMPLES).max():.1f} times {OF_SAMPLES}"
     if not known.any():
         return f"{said} at most; no held-out recording repeats its motion"
-    largest = float(np.nan_to_num(gap.over_floor(errors)).max())
+    largest = float(np.nan_to_num(gap.over(errors, OF_PERIODS)).max())
     return f"{said}, and by {largest:.1f} times {OF_PERIODS}, at most" + (
         "" if known.all() else f"; not known of {_listed(gap, ~known)}"
     )
-
-
-def _is_beyond(gap: Gap, errors: np.ndarray, gates: Gates, scatter: str) -> np.ndarray:
-    """Whether relative errors (j,) are more than noise is by the `scatter`."""
-    if scatter == OF_PERIODS:
-        return gap.beyond_noise(errors, gates)
-    return gap.beyond_samples(errors, gates)
 
 
 def _beyond(
@@ -192,8 +183,8 @@ def _beyond(
     `asked`.
     """
     errors = np.maximum(held_out, training)
-    times = gap.over_floor(errors) if scatter == OF_PERIODS else gap.over_samples(errors)
-    beyond = _is_beyond(gap, errors, gates, scatter) & asked
+    times = gap.over(errors, scatter)
+    beyond = gap.beyond(errors, gates, scatter) & asked
     return [
         f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
         f"{training[j]:.2%} on the others, up to {times[j]:.0f} times {scatter}"
@@ -251,9 +242,9 @@ def _more(
     for scatter in (OF_PERIODS, OF_SAMPLES) if trial.formless else (OF_PERIODS,):
         errors = np.maximum(gap.after, gap.training_after)
         clear = errors / method.clean_factor
-        asked = ~told & (acting | trial.law | _is_beyond(gap, clear, thresholds.gates, scatter))
+        asked = ~told & (acting | trial.law | gap.beyond(clear, thresholds.gates, scatter))
         said += _beyond(gap, gap.after, gap.training_after, thresholds.gates, scatter, asked)
-        told |= asked & _is_beyond(gap, errors, thresholds.gates, scatter)  # said once
+        told |= asked & gap.beyond(errors, thresholds.gates, scatter)  # said once
     worse = gap.after > method.worse_factor * np.fmax(gap.before, method.clean_factor * gap.floor)
     said += [
         ("" if acting[j] else "where none of the effects acts, ") + change_told(gap.change(j))
@@ -449,7 +440,9 @@ def nearest(
     """
     old = relative(fit.held_out, residual(fit.held_out, fit.before))
     try:
-        new = relative(fit.held_out, left_held_out(fit, search, effects))
+        model, _ = extended(search, fit.before, effects, fit.training)
+        carried, _ = with_own_loads(model, fit.evidence, fit.held_out)
+        new = relative(fit.held_out, residual(fit.held_out, carried))
     except UndeterminedError:
         new = np.full_like(old, np.nan)
     left = left_share(search, [one.shaped for one in effects])

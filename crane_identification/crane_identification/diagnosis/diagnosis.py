@@ -17,7 +17,13 @@ from crane_identification.diagnosis.findings import Findings, Verdict
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.fit import Fitted, fitted
 from crane_identification.diagnosis.flow import Flow, Flows, Quantity, Usual, examine, load_usual
-from crane_identification.diagnosis.proof.gap import Commanded, Gap, commanded
+from crane_identification.diagnosis.proof.gap import (
+    OF_PERIODS,
+    OF_SAMPLES,
+    Commanded,
+    Gap,
+    commanded,
+)
 from crane_identification.diagnosis.proof.proof import (
     Finding,
     Proof,
@@ -304,9 +310,9 @@ def _errors(diagnosis: Diagnosis) -> schema.ModelErrors:
 def _left(diagnosis: Diagnosis) -> dict[str, schema.LeftResidual]:
     fit, trial, gap = diagnosis.fit, diagnosis.proof.trial, diagnosis.gap
     errors, gates = np.maximum(gap.after, gap.training_after), diagnosis.thresholds.gates
-    beyond_noise = gap.beyond_noise(errors, gates)
+    beyond_noise = gap.beyond(errors, gates, OF_PERIODS)
     if trial.formless:  # model forms always leave more than the noise of sensors
-        beyond_noise |= gap.beyond_samples(errors, gates)
+        beyond_noise |= gap.beyond(errors, gates, OF_SAMPLES)
     places = regions(fit, trial)
     return {
         joint: schema.LeftResidual(
@@ -401,9 +407,7 @@ def _balance(flow: Flow) -> schema.FlowBalance:
         recorded_time=flow.recorded,
         quantities={
             one.type: schema.HydraulicQuantity(
-                **dict(_of_quantity(one)),
-                usual_limit=one.usual,
-                identified=one.own,
+                **dict(_of_quantity(one)), usual_limit=one.usual, identified=one.own
             )
             for one in flow.quantities
         },

@@ -259,12 +259,7 @@ def _columns(evidence: Evidence, terms: Sequence[FormulaTerm], j: int) -> np.nda
 
 
 def _tested(
-    search: Search,
-    held_out: Evidence,
-    gap: Gap,
-    j: int,
-    terms: Sequence[FormulaTerm],
-    counts: bool,
+    search: Search, held_out: Evidence, gap: Gap, j: int, terms: Sequence[FormulaTerm], counts: bool
 ) -> FoundFormula:
     """The formula with its coefficients, and its effect on the held-out recordings."""
     evidence, base, terms = search.evidence, search.base, list(terms)

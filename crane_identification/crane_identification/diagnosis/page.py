@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import binned_statistic
 
 from crane_identification.diagnosis import words
 from crane_identification.diagnosis.diagnosis import Diagnosis
@@ -416,9 +417,6 @@ def _trace(
 
 def _means(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Centres of bins over x (n,), and the mean of y (n,) in each; empty bins are left out."""
-    edges = np.linspace(x.min(), x.max(), CLOUD_MEANS + 1)
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, CLOUD_MEANS - 1)
-    count = np.bincount(place, minlength=CLOUD_MEANS)
-    means = np.bincount(place, y, CLOUD_MEANS) / np.maximum(count, 1)
-    there = count > 0
+    means, edges, _ = binned_statistic(x, y, bins=CLOUD_MEANS)
+    there = np.isfinite(means)
     return ((edges[1:] + edges[:-1]) / 2.0)[there], means[there]

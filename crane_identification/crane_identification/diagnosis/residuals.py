@@ -1,6 +1,6 @@
 """What a model leaves: where it sits, and what is known of it if nothing is named."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -54,52 +54,43 @@ OF_NO_JOINT: frozenset[Variable] = frozenset(
     }
 )
 _BY = "a plot against it"
-_UNITS = {
-    "position": "{q}",
-    "velocity": "{q}/s",
-    "acceleration": "{q}/s2",
-    "way": "{q}",
-    "way since it turned": "{q}",
-    "force": "{f}",
-    "force against the motion": "{f}",
-    "rate of the force": "{f}/s",
-    "lead": "s",
-    "pressure sum": "Pa",
-    "pressure of chamber B": "Pa",
-    "valve command": "1",
-    "extension of the telescope": "m",
-    "inclination of the telescope": "rad",
-    "slew velocity": "rad/s",
-    "temperature": "°C",
-    "time": "s",
-    "recording": "1",
-}
-_READ: Mapping[Variable, Callable[[Record, int], np.ndarray]] = {
-    "position": lambda record, j: record.position[:, j],
-    "velocity": lambda record, j: record.velocity[:, j],
-    "acceleration": lambda record, j: record.acceleration[:, j],
-    "way since it turned": lambda record, j: way_since_turned(
-        record.position[:, j], record.velocity[:, j]
+_QUANTITIES: dict[str, tuple[str, Callable[[Record, int], np.ndarray] | None]] = {
+    "position": ("{q}", lambda record, j: record.position[:, j]),
+    "velocity": ("{q}/s", lambda record, j: record.velocity[:, j]),
+    "acceleration": ("{q}/s2", lambda record, j: record.acceleration[:, j]),
+    "way": ("{q}", None),
+    "way since it turned": (
+        "{q}",
+        lambda record, j: way_since_turned(record.position[:, j], record.velocity[:, j]),
     ),
-    "force": lambda record, j: record.needed("force", _BY)[:, j],
-    "force against the motion": lambda record, j: (
-        record.needed("force", _BY)[:, j] * record.direction[:, j]
+    "force": ("{f}", lambda record, j: record.needed("force", _BY)[:, j]),
+    "force against the motion": (
+        "{f}",
+        lambda record, j: record.needed("force", _BY)[:, j] * record.direction[:, j],
     ),
-    "rate of the force": lambda record, j: (
-        record.rate(record.needed("force", _BY)) if record.force_rate is None else record.force_rate
-    )[:, j],
-    "pressure sum": lambda record, j: (
-        record.needed("pressure_a", _BY) + record.needed("pressure_b", _BY)
-    )[:, j],
-    "pressure of chamber B": lambda record, j: record.needed("pressure_b", _BY)[:, j],
-    "slew velocity": lambda record, j: record.needed("slew_velocity", _BY),
-    "temperature": lambda record, j: record.needed("temperature", _BY),
-    "time": lambda record, j: record.time,
+    "rate of the force": ("{f}/s", lambda record, j: _rate_of_force(record)[:, j]),
+    "lead": ("s", None),
+    "pressure sum": (
+        "Pa",
+        lambda record, j: (record.needed("pressure_a", _BY) + record.needed("pressure_b", _BY))[
+            :, j
+        ],
+    ),
+    "pressure of chamber B": ("Pa", lambda record, j: record.needed("pressure_b", _BY)[:, j]),
+    "valve command": ("1", None),
+    "extension of the telescope": ("m", None),
+    "inclination of the telescope": ("rad", None),
+    "slew velocity": ("rad/s", lambda record, j: record.needed("slew_velocity", _BY)),
+    "temperature": ("°C", lambda record, j: record.needed("temperature", _BY)),
+    "time": ("s", lambda record, j: record.time),
+    "recording": ("1", None),
 }
-_OF_BOOMS: Mapping[Variable, Callable[[BoomDirections], np.ndarray]] = {
-    "extension of the telescope": lambda booms: booms.extension,
-    "inclination of the telescope": lambda booms: booms.psi,
-}
+"""Units, with those of the coordinate {q} and the force {f} of a joint, and how they are read."""
+
+
+def _rate_of_force(record: Record) -> np.ndarray:
+    known = record.force_rate
+    return record.rate(record.needed("force", _BY)) if known is None else known
 
 
 def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
@@ -116,18 +107,24 @@ def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
 
 def read(variable: Variable, record: Record, setting: Setting, j: int) -> np.ndarray:
     """A variable (n,) of joint number j at the samples of a record; errors as of `on_rows`."""
-    if variable not in _OF_BOOMS:
-        return _READ[variable](record, j)
+    _, reader = _QUANTITIES[variable]
+    if reader is not None:
+        return reader(record, j)
     if setting.machine is None:
         raise ConfigurationError(f"{variable}: needs a machine, but the model has none")
-    return _OF_BOOMS[variable](BoomDirections.of(setting.machine, record))
+    booms = BoomDirections.of(setting.machine, record)
+    both = {
+        "extension of the telescope": booms.extension,
+        "inclination of the telescope": booms.psi,
+    }
+    return both[variable]
 
 
 def unit_of(name: str, joint: str | None, setting: Setting, counts: bool = False) -> str:
     """The unit of a quantity by its name without the joint; `counts` where sensors give these."""
     q = setting.units.get(joint or "", "")
     f = setting.force_unit(joint) if q and joint else ""
-    unit = _UNITS[name].format(q=q, f=f)
+    unit = _QUANTITIES[name][0].format(q=q, f=f)
     return COUNTS if counts and unit not in ("1", "s", "°C") else unit
 
 
@@ -144,11 +141,7 @@ UNCHANGED_ERROR = 0.95  # of an error, above which effects did not lessen it
 
 
 def region(
-    known: Features,
-    residual: np.ndarray,
-    used: np.ndarray,
-    setting: Setting,
-    counts: bool = False,
+    known: Features, residual: np.ndarray, used: np.ndarray, setting: Setting, counts: bool = False
 ) -> FoundRegion | None:
     """The quantity whose value says most about the residual (n,) of one joint, by the correlation
     ratio over bins of equal numbers of rows, and the narrowest run of bins with half of the energy;
@@ -261,12 +254,7 @@ def left_elsewhere(
 
 
 def curves_of(
-    term: Term,
-    joint: str,
-    setting: Setting,
-    values: np.ndarray,
-    std_devs: np.ndarray,
-    counts: bool,
+    term: Term, joint: str, setting: Setting, values: np.ndarray, std_devs: np.ndarray, counts: bool
 ) -> list[FoundCurve]:
     """The nonparametric curves of a term, one for each factor, by its `values` (k,)."""
     parameters = term.parameters(setting)

@@ -142,10 +142,7 @@ def motion(content: Content, units: Mapping[str, str]) -> Iterator[tuple[str, st
         before, after = (
             plain(1e3 * _number(side["motion_error"])) for side in (old, error["after"][joint])
         )
-        yield (
-            before + (unit if before != NONE else ""),
-            after + (unit if after != NONE else ""),
-        )
+        yield (before + (unit if before != NONE else ""), after + (unit if after != NONE else ""))
 
 
 def commanded(content: Content) -> Iterator[tuple[str, list[str]]]:
@@ -488,10 +485,7 @@ def lines(content: Content) -> list[str]:
         ("Nearest of the catalogue", nearest(content)),
         ("Your own terms that are not named", own_terms(content)),
         (unknown_title(content), unknown(content)),
-        (
-            "Friction that may be there unseen, at rest and at reversals",
-            partly_seen(content),
-        ),
+        ("Friction that may be there unseen, at rest and at reversals", partly_seen(content)),
         ("Where the model disagrees", [f"{one}: {text}" for one, text in disagrees(content)]),
     ):
         out += [f"{title}:", *(f"  {line}" for line in block)] if block else []

@@ -29,7 +29,6 @@ from crane_identification.diagnosis.decision.several import (
 from crane_identification.diagnosis.decision.signatures import (
     as_drawn,
     best_beside,
-    is_drawn,
     judged_beside,
     of_better_signature,
     start_beside,
@@ -158,7 +157,9 @@ def _weighed(
     subset, strange = of_better_signature(search, subset, thresholds, known)
     found = judged_beside(search, subset, settled, thresholds)
     asked = [
-        one for k, one in enumerate(found) if k >= known or not (_scales(one) or is_drawn(one))
+        one
+        for k, one in enumerate(found)
+        if k >= known or not (_scales(one) or one.shaped.candidate.drawn)
     ]
     wrong = [why for one in asked if (why := objection(one, thresholds))] or strange
     weakest = min(found[known:], key=lambda one: one.score)
@@ -185,8 +186,7 @@ def _beside_lengths(
     thresholds: Thresholds,
 ) -> tuple[Judged, ...]:
     """What passes beside lengths of all links and the scales of two joints' forces, which stand for
-    those of all; these as well, as far as they pass. If nothing does, what passes beside lengths
-    alone, if that explains more than the scales.
+    those of all; these as well, as far as they pass.
 
     Lengths that are not those of the file are so on each joint. With one scale alone, what the
     others leave may be taken for a further effect.
@@ -198,11 +198,6 @@ def _beside_lengths(
     selection.go_on_from(scales)
     settled = tuple(all_judged(selection.search, scales, thresholds))
     found = _largest(_growing(selection, settled, threshold, thresholds), settled)
-    if len(found) == len(settled):
-        selection.go_on_from(NOTHING)
-        other = _largest(_growing(selection, (), threshold, thresholds), ())
-        together = selection.search.together(one.shaped for one in other)
-        found = other if together.gain - scales.gain > threshold else found
     return _sure(selection, found, thresholds) or passed
 
 

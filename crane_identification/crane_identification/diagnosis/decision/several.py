@@ -27,11 +27,7 @@ from crane_identification.diagnosis.search.projection import (
     extended,
     solve,
 )
-from crane_identification.diagnosis.search.search import (
-    Search,
-    columns_of_lengths,
-    gained,
-)
+from crane_identification.diagnosis.search.search import Search, columns_of_lengths, gained
 from crane_identification.thresholds import Thresholds
 
 FEWEST_JOINTS = 3
@@ -226,7 +222,9 @@ LINKAGE = "linkage_scale"
 
 
 def or_lengths(search: Search, found: Sequence[Judged]) -> tuple[Judged, ...]:
-    """The effects; a scale that lengths explain as well has linkages in its ambiguity group."""
+    """The effects; a scale that the most likely lengths explain about as well beside the other
+    effects has linkages of other joints in its ambiguity group.
+    """
     return tuple(
         _or_lengths(search, one, [other for other in found if other is not one])
         if one.shaped.candidate.effect.formless
@@ -236,34 +234,27 @@ def or_lengths(search: Search, found: Sequence[Judged]) -> tuple[Judged, ...]:
 
 
 def _or_lengths(search: Search, scale: Judged, rest: Sequence[Judged]) -> Judged:
-    """The scale of one joint, with linkages of other joints as indistinct from it if the most
-    likely lengths explain about as much beside the `rest`.
-    """
     if any(one.type == LINKAGE for one in (scale.shaped.candidate, *scale.indistinct)):
         return scale
     found = {one.shaped.candidate for one in rest}
-    factor = (search.projection.candidates[number] for number in factors(search))
-    linkages = [
-        one for one in factor if one.candidate.type == LINKAGE and one.candidate not in found
-    ]
-    beside_scale = [one.shaped.columns for one in rest]
+    every = (search.projection.candidates[number] for number in factors(search))
+    linkages = [one for one in every if one.candidate.type == LINKAGE]
+    linkages = [one for one in linkages if one.candidate not in found]
+    others = [one.shaped.columns for one in rest]
+    lengths = [columns_of_lengths(search.evidence), *(one.columns for one in linkages)]
     none = search.evidence.base[:, :, :0]
     known, columns = (
         beside(search.base.basis, search.whitener(np.concatenate([none, *parts], axis=2)))
-        for parts in (
-            beside_scale,
-            [columns_of_lengths(search.evidence), *(one.columns for one in linkages)],
-        )
+        for parts in (others, lengths)
     )
     known = leading(known, known.shape[1])
     columns, force = (beside(known, values) for values in (columns, search.base.residual))
     columns = LENGTH_ERROR * columns
     gram, score = columns.T @ columns + np.eye(columns.shape[1]), columns.T @ force
     explained = float(score @ np.linalg.solve(gram, score))
-    if gained(search, beside_scale, scale.shaped.columns) - explained > scale.needed:
+    if gained(search, others, scale.shaped.columns) - explained > scale.needed:
         return scale
-    alike = (*scale.indistinct, *(one.candidate for one in linkages))
-    return replace(scale, indistinct=alike)
+    return replace(scale, indistinct=(*scale.indistinct, *(one.candidate for one in linkages)))
 
 
 def gain_of_few(search: Search) -> float:

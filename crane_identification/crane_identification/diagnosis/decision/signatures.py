@@ -282,16 +282,11 @@ def chance_of(columns: np.ndarray, thresholds: Thresholds) -> float:
 # further effects are sought beside that, with all of its values free.
 
 
-def is_drawn(one: Judged) -> bool:
-    """Whether an effect has a nonparametric curve."""
-    return one.shaped.candidate.drawn
-
-
 def start_beside(selection: ForwardSelection, passed: Sequence[Judged]) -> bool:
     """Let the selection go on from effects of which some were drawn; false if none was, or if they
     have no solution together.
     """
-    if not any(is_drawn(one) for one in passed):
+    if not any(one.shaped.candidate.drawn for one in passed):
         return False
     start = selection.search.together(one.shaped for one in passed)
     if not start.numbers:
@@ -302,7 +297,7 @@ def start_beside(selection: ForwardSelection, passed: Sequence[Judged]) -> bool:
 
 def best_beside(selection: ForwardSelection, size: int, settled: Sequence[Judged]) -> Subset | None:
     """The best set of so many effects without another law of a curve that is `settled`."""
-    drawn = [one.shaped.candidate for one in settled if is_drawn(one)]
+    drawn = [one.shaped.candidate for one in settled if one.shaped.candidate.drawn]
     if not drawn:
         return selection.best(size)
     for subset in selection.sets(size):
@@ -326,7 +321,7 @@ def judged_beside(
     drawn, stay as they are.
     """
     found, known = all_judged(search, subset, thresholds), len(settled)
-    if any(is_drawn(one) for one in settled):
+    if any(one.shaped.candidate.drawn for one in settled):
         stay = [
             old if old.shaped.candidate == new.shaped.candidate else new
             for old, new in zip(settled, found[:known], strict=True)

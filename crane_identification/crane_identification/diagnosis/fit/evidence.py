@@ -181,17 +181,6 @@ class Features:
     values: np.ndarray
 
 
-def features(runs: Sequence[Run]) -> Features:
-    """Values at the rows of the runs."""
-    parts = []
-    names: tuple[str, ...] = ()
-    for run in runs:
-        columns = quantities(run.record)
-        names = tuple(columns)
-        parts.append(np.stack([values[run.kept] for values in columns.values()], axis=1))
-    return Features(names, np.concatenate(parts))
-
-
 def quantities(record: Record) -> dict[str, np.ndarray]:
     """What a law may depend on, by name: (n,) each."""
     out: dict[str, np.ndarray] = {}
@@ -285,7 +274,12 @@ class Evidence:
 
     @cached_property
     def known(self) -> Features:
-        return features(self.runs)
+        every = [quantities(run.record) for run in self.runs]
+        rows = [
+            np.stack([values[run.kept] for values in columns.values()], axis=1)
+            for run, columns in zip(self.runs, every, strict=True)
+        ]
+        return Features(tuple(every[-1]), np.concatenate(rows))
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -176,6 +176,8 @@ def predict_elsewhere(evidence: Evidence, residual: np.ndarray, other: Evidence)
     return out
 
 
+OF_PERIODS = "the scatter between periods"
+OF_SAMPLES = "what the scatter of samples and surveyed lengths account for"
 RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 
 
@@ -247,27 +249,24 @@ class Gap(HeldOut):
     def largest_before(self) -> np.ndarray:
         return np.maximum(self.before, self.training_before)
 
-    def over_floor(self, errors: np.ndarray) -> np.ndarray:
-        return errors / np.maximum(self.floor, RESOLUTION)
-
-    def over_samples(self, errors: np.ndarray) -> np.ndarray:
+    def over(self, errors: np.ndarray, scatter: str) -> np.ndarray:
+        """Errors (j,) over the noise floor, NaN where none is known, or over what the scatter of
+        samples and surveyed lengths account for.
+        """
+        if scatter == OF_PERIODS:
+            return errors / np.maximum(self.floor, RESOLUTION)
         return errors / np.hypot(self.sample_noise, self.method.surveyed_error)
 
-    def beyond_noise(self, errors: np.ndarray, gates: Gates) -> np.ndarray:
-        """Whether errors (j,) are more than the scatter of periods, than values that are kept may
-        err, and than surveyed lengths leave.
+    def beyond(self, errors: np.ndarray, gates: Gates, scatter: str) -> np.ndarray:
+        """Whether errors (j,) are more than noise by the `scatter`, than values that are kept may
+        err and, by the scatter of periods, than surveyed lengths leave.
         """
+        periods = scatter == OF_PERIODS
+        factor = gates.floor_factor if periods else gates.sample_noise_factor
         beyond: np.ndarray = (
-            (self.over_floor(errors) > gates.floor_factor)
+            (self.over(errors, scatter) > factor)
             & (errors > gates.floor_factor * self.uncertain)
-            & (errors > self.method.surveyed_error)
-        )
-        return beyond
-
-    def beyond_samples(self, errors: np.ndarray, gates: Gates) -> np.ndarray:
-        """Whether errors (j,) are more than nothing missing leaves, by the scatter of samples."""
-        beyond: np.ndarray = (self.over_samples(errors) > gates.sample_noise_factor) & (
-            errors > gates.floor_factor * self.uncertain
+            & (errors > self.method.surveyed_error * periods)
         )
         return beyond
 

@@ -9,19 +9,8 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from crane_identification.data.column_map import COUNTS
-from crane_identification.diagnosis.decision.judgement import (
-    Judged,
-    Reason,
-    Rejection,
-    folds,
-)
-from crane_identification.diagnosis.fit.evidence import (
-    beside,
-    gather,
-    leading,
-    normed,
-    residual,
-)
+from crane_identification.diagnosis.decision.judgement import Judged, Reason, Rejection, folds
+from crane_identification.diagnosis.fit.evidence import beside, gather, leading, normed, residual
 from crane_identification.diagnosis.fit.fit import Fitted, Training, UndeterminedError, refit_anyway
 from crane_identification.diagnosis.proof.gap import (
     RESOLUTION,
@@ -38,7 +27,6 @@ from crane_identification.diagnosis.search.candidates import (
     NO_LOAD,
     Candidate,
     ShapedCandidate,
-    with_own_loads,
 )
 from crane_identification.diagnosis.search.projection import whitened_base
 from crane_identification.diagnosis.search.search import Search, left_share, normalized_energy
@@ -146,10 +134,7 @@ class Finding:
 
 
 def extended(
-    found: Search,
-    before: Model,
-    judged: Sequence[Judged],
-    training: Training,
+    found: Search, before: Model, judged: Sequence[Judged], training: Training
 ) -> tuple[Model, list[tuple[Value, ...]]]:
     """The model with the terms, refitted jointly, and the parameters of each; `UndeterminedError`
     if the recordings do not determine all of them.
@@ -413,13 +398,6 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> Rejection | None
     if closed >= least:
         return None
     return Rejection(Reason.CLOSED, closed, least, errors=tuple(map(held_to.change, own)))
-
-
-def left_held_out(fit: Fitted, search: Search, effects: Sequence[Judged]) -> np.ndarray:
-    """What the model with the effects leaves of the held-out recordings (n, c)."""
-    model, _ = extended(search, fit.before, effects, fit.training)
-    carried, _ = with_own_loads(model, fit.evidence, fit.held_out)
-    return residual(fit.held_out, carried)
 
 
 def _simple(one: Judged, share: float) -> bool:

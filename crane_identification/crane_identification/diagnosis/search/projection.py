@@ -115,11 +115,9 @@ def _noise(
 
 def _used_before(used: np.ndarray, first: np.ndarray, highest: int) -> np.ndarray:
     """(n,) used rows directly before each, of the same run, up to `highest`."""
-    count = np.zeros(len(used), dtype=int)
-    for k in range(1, len(used)):
-        if used[k - 1] and not first[k]:
-            count[k] = min(count[k - 1] + 1, highest)
-    return count
+    row = np.arange(len(used))
+    none = first | ~np.concatenate([[False], used[:-1]])
+    return np.minimum(row - np.maximum.accumulate(np.where(none, row, 0)), highest)
 
 
 def _by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:

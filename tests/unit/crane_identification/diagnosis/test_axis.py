@@ -226,15 +226,15 @@ def test_pictures_have_words(without_page: Element) -> None:
 
 
 def test_the_report_is_drawn_by_a_real_browser(without_coulomb: Diagnosis, tmp_path: Path) -> None:
-    """Three figures of the gap and four of each finding, and not a word on the console."""
+    """Three figures of each finding, and not a word on the console."""
     provenance = Provenance.of("2012-06-01", ["diagnose"], "axis.yaml")
     seen = opened(installed(), tmp_path, page.render(without_coulomb, provenance))
     assert seen.console == []
     cards = seen.page.find("article", class_="finding")
     assert len(cards) == len(without_coulomb.findings) == 2
-    assert len(seen.plots()) == 3 + 4 * len(cards)
+    assert len(seen.plots()) == 3 * len(cards)
     for card, finding in zip(cards, without_coulomb.findings, strict=True):
         assert finding.candidate.effect.name in card.find("h3")[0].text
         bars = card.find("g", class_="bars")
-        assert len(bars) == 2 and all(one.find("path") for one in bars)  # chance, and folds
-        assert len(card.find("path", class_="js-line")) >= 5
+        assert len(bars) == 1 and bars[0].find("path")  # folds
+        assert len(card.find("path", class_="js-line")) >= 4

@@ -10,7 +10,7 @@ import pytest
 from crane_identification.diagnosis.answer import Answer, Reach, judge, with_loads, with_pulsation
 from crane_identification.diagnosis.decision.judgement import Judged, Reason, Rejection
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.proof.gap import Gap, Learnt, Line
+from crane_identification.diagnosis.proof.gap import OF_SAMPLES, Gap, Learnt, Line
 from crane_identification.diagnosis.proof.proof import Proof, Short, Trial, Value, differs
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, Weighed
 from crane_identification.thresholds import load_thresholds
@@ -165,7 +165,7 @@ def test_recordings_that_do_not_suffice_are_not_asked_for_the_scatter_of_samples
 def test_beside_a_name_the_scatter_of_samples_is_not_asked() -> None:
     """A real machine leaves more than its sensors' noise beside any effect."""
     seen = gap(0.2, 0.03, floor=0.04)
-    assert seen.beyond_samples(seen.after, THRESHOLDS.gates).any()
+    assert seen.beyond(seen.after, THRESHOLDS.gates, OF_SAMPLES).any()
     assert answer(after=AFTER, seen=seen).verdict is Verdict.NAMED
 
 
