@@ -30,8 +30,6 @@ class Method(Schema):
     further_share: Share
     elsewhere_share: Share
     reading_share: Share
-    form_share: Share
-    distinct_correlation: Share
     folds_share: Share
     folds_to_fail: Count
     lead_share: Share
@@ -55,7 +53,6 @@ class Method(Schema):
     flow_proof_factor: Positive
     flow_noise_share: Share
     flow_law_correlation: Share
-    flow_further_share: Share
     flow_named_share: Share
 
 

@@ -169,7 +169,6 @@ def test_what_is_left_of_axis_4_is_said_to_be_no_law(best: Found) -> None:
     assert 10.0 < errors[3] < 20.0
     left = best.content["left"]["axis_4"]
     assert not left["systematic"]
-    assert not left["white"]
     assert left["learnable_share"] < 0.1
 
 

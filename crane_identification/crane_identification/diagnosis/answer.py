@@ -17,45 +17,44 @@ from crane_identification.diagnosis.decision.judgement import (
     held_out_gains,
     helps,
 )
-from crane_identification.diagnosis.findings import FoundCurve, UnknownPlace, Verdict
-from crane_identification.diagnosis.fit.evidence import beside
-from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.diagnosis.findings import (
+    ErrorChange,
+    FoundCurve,
+    NearEffect,
+    NearestEffects,
+    OwnTermEntry,
+    UnknownPlace,
+    Verdict,
+)
+from crane_identification.diagnosis.fit.evidence import beside, relative, residual
+from crane_identification.diagnosis.fit.fit import Fitted, UndeterminedError
 from crane_identification.diagnosis.flow import Flow, Flows
 from crane_identification.diagnosis.formula import formula
-from crane_identification.diagnosis.proof.gap import Gap, Pulsation
-from crane_identification.diagnosis.proof.proof import Nearest, Proof, nearest
-from crane_identification.diagnosis.search.candidates import Candidate, Weighed
-from crane_identification.diagnosis.search.search import (
-    Search,
-    detectable,
-    gained,
-    named_from,
-    testable_share,
-    unexplained_on_joints,
-)
-from crane_identification.diagnosis.search.selection import NOTHING, solve
-from crane_identification.diagnosis.unknown import (
+from crane_identification.diagnosis.proof.gap import OF_PERIODS, OF_SAMPLES, Gap, Line
+from crane_identification.diagnosis.proof.proof import Proof, extended, found_effect
+from crane_identification.diagnosis.residuals import (
     curves_of,
     left_elsewhere,
     solved,
     unknown_force,
 )
+from crane_identification.diagnosis.search.candidates import Candidate, Weighed, with_own_loads
+from crane_identification.diagnosis.search.search import (
+    Search,
+    detectable,
+    gained,
+    left_share,
+    named_from,
+    testable_share,
+    unexplained_on_joints,
+)
+from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_identification.thresholds import Gates, Thresholds
 
 # The verdict: from what was found, what is left of it, and what the recordings could show.
 
 LISTED_ALTERNATIVES = 4  # members of an ambiguity group that the reason lists
-OF_PERIODS = "the scatter between periods"
-OF_SAMPLES = "what the scatter of samples and surveyed lengths account for"
 NOT_HELD = "something is left that no effect of the catalogue explains"
-
-
-class OwnTerm(NamedTuple):
-    """A term of the user's that is not named: why, and what it does, where it could be tried."""
-
-    candidate: Candidate
-    objection: str
-    near: Nearest | None = None
 
 
 class DifferingForm(NamedTuple):
@@ -68,26 +67,23 @@ class DifferingForm(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """A verdict and its reason; `objection`: why effects that passed all tests are no names.
-    `nearest`: what comes closest where nothing is named; `unknown`: what is known of it, or of what
-    is left elsewhere. `named_from`: by joint, from which strength on effects are named. `own`: what
-    the user's terms do that are not named. `forms`: effects whose form differs.
+    """A verdict and its reason; `objection`: why effects that passed all tests are not named;
+    `unknown`: what is known of an unknown force; `own`: the user's terms that are not named.
     """
 
     verdict: Verdict
     reason: str
     objection: str = ""
-    nearest: Nearest | None = None
+    nearest: NearestEffects | None = None
     unknown: UnknownPlace | None = None
     named_from: Mapping[str, float] = MappingProxyType({})
-    own: tuple[OwnTerm, ...] = ()
+    own: tuple[OwnTermEntry, ...] = ()
     forms: tuple[DifferingForm, ...] = ()
 
 
 class Reach(NamedTuple):
-    """What recordings can show: the share of effects that is `testable`, the `least` strength that
-    noise permits to show, by joint that from which an effect is `named`, and the parameters of the
-    model that are `undetermined`.
+    """The share of effects that recordings can test, the least strength that shows, by joint the
+    strength from which an effect is named, and the parameters that are not determined.
     """
 
     testable: float
@@ -154,7 +150,6 @@ def judge(
 
 
 def _better_known(gap: Gap) -> str:
-    """What else helps where values are kept."""
     worst = float(np.max(gap.uncertain))
     if not worst:
         return ""
@@ -165,23 +160,15 @@ def _better_known(gap: Gap) -> str:
 
 
 def _of_noise(gap: Gap) -> str:
-    """How the held-out error of the model compares with noise, in words."""
     errors = np.maximum(gap.after, gap.training_before)
     known = np.isfinite(gap.floor)
-    said = f"the force errs by {gap.over_samples(errors).max():.1f} times {OF_SAMPLES}"
+    said = f"the force errs by {gap.over(errors, OF_SAMPLES).max():.1f} times {OF_SAMPLES}"
     if not known.any():
         return f"{said} at most; no held-out recording repeats its motion"
-    largest = float(np.nan_to_num(gap.over_floor(errors)).max())
+    largest = float(np.nan_to_num(gap.over(errors, OF_PERIODS)).max())
     return f"{said}, and by {largest:.1f} times {OF_PERIODS}, at most" + (
         "" if known.all() else f"; not known of {_listed(gap, ~known)}"
     )
-
-
-def _is_beyond(gap: Gap, errors: np.ndarray, gates: Gates, scatter: str) -> np.ndarray:
-    """Whether relative errors (j,) are more than noise is by the `scatter`."""
-    if scatter == OF_PERIODS:
-        return gap.beyond_noise(errors, gates)
-    return gap.beyond_samples(errors, gates)
 
 
 def _beyond(
@@ -192,12 +179,12 @@ def _beyond(
     scatter: str,
     asked: np.ndarray | bool = True,
 ) -> list[str]:
-    """Where relative errors (j,) are more than noise is by the `scatter`, in words; of the joints
-    that are `asked` (j,).
+    """Where relative errors (j,) are more than noise by the `scatter`, in words; of the joints
+    `asked`.
     """
     errors = np.maximum(held_out, training)
-    times = gap.over_floor(errors) if scatter == OF_PERIODS else gap.over_samples(errors)
-    beyond = _is_beyond(gap, errors, gates, scatter) & asked
+    times = gap.over(errors, scatter)
+    beyond = gap.beyond(errors, gates, scatter) & asked
     return [
         f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
         f"{training[j]:.2%} on the others, up to {times[j]:.0f} times {scatter}"
@@ -227,7 +214,6 @@ def _of_effects(proof: Proof, thresholds: Thresholds, forms: Mapping[int, Differ
 
 
 def _moved(proof: Proof) -> list[str]:
-    """What the effects do to the held-out errors where they act, in words."""
     gap, acting = proof.gap, _acting(proof)
     return [change_told(gap.change(j)) for j in np.flatnonzero(acting & (gap.after < gap.before))]
 
@@ -242,10 +228,8 @@ def _acting(proof: Proof) -> np.ndarray:
 def _more(
     proof: Proof, share: float, thresholds: Thresholds, forms: Mapping[int, DifferingForm]
 ) -> list[str]:
-    """What is missing beside the effects, in words; empty if nothing is.
-
-    What is left on joints of `forms` is of the form of the effects there. On a joint on which no
-    effect acts, an error just above its limit is something more only if it is systematic.
+    """What is missing beside the effects, in words. On a joint on which no effect acts, an error
+    just above its limit is something more only if it is systematic.
     """
     trial, gap, method = proof.trial, proof.gap, thresholds.method
     told = np.isin(np.arange(len(gap.joints)), list(forms))  # by their forms
@@ -258,9 +242,9 @@ def _more(
     for scatter in (OF_PERIODS, OF_SAMPLES) if trial.formless else (OF_PERIODS,):
         errors = np.maximum(gap.after, gap.training_after)
         clear = errors / method.clean_factor
-        asked = ~told & (acting | trial.law | _is_beyond(gap, clear, thresholds.gates, scatter))
+        asked = ~told & (acting | trial.law | gap.beyond(clear, thresholds.gates, scatter))
         said += _beyond(gap, gap.after, gap.training_after, thresholds.gates, scatter, asked)
-        told |= asked & _is_beyond(gap, errors, thresholds.gates, scatter)  # said once
+        told |= asked & gap.beyond(errors, thresholds.gates, scatter)  # said once
     worse = gap.after > method.worse_factor * np.fmax(gap.before, method.clean_factor * gap.floor)
     said += [
         ("" if acting[j] else "where none of the effects acts, ") + change_told(gap.change(j))
@@ -277,10 +261,8 @@ def _more(
 def differing_forms(
     search: Search, effects: Sequence[Judged], thresholds: Thresholds, counts: bool = False
 ) -> dict[int, DifferingForm]:
-    """Numbers of the joints on which what `effects` leave is of their own form, with the effect.
-
-    There, nonparametric curves over what the effect depends on explain most of the residual beyond
-    noise, and help to predict recordings that they were not fitted to.
+    """Numbers of the joints on which a nonparametric curve of an effect explains most of what
+    `effects` leave, also of recordings that it was not fitted to, with that effect.
     """
     joints, method = search.evidence.joints, thresholds.method
     subset = search.together(one.shaped for one in effects)
@@ -309,7 +291,6 @@ def differing_forms(
 
 
 def _alternatives(one: Judged) -> str:
-    """The ambiguity group of an effect, in words."""
     others = [member.label for member in one.indistinct]
     more = (
         f", and {len(others) - LISTED_ALTERNATIVES} more"
@@ -374,12 +355,12 @@ def _worst(proof: Proof) -> int:
 
 def _own_terms(
     fit: Fitted, search: Search, proof: Proof, own: Collection[str], thresholds: Thresholds
-) -> Iterator[OwnTerm]:
+) -> Iterator[OwnTermEntry]:
     """The terms of the types `own` that are not named, each by itself beside the model."""
     named = {one.shaped.candidate for one in proof.trial.effects}
     short = {one.effect.shaped.candidate: objection_told([one.rejection]) for one in proof.short}
     for hidden in (search.untestable, search.unobservable):
-        yield from (OwnTerm(one, why) for one, why in hidden.items() if one.type in own)
+        yield from (_own(one, why) for one, why in hidden.items() if one.type in own)
     candidates = search.projection.candidates
     for candidate in dict.fromkeys(one.candidate for one in candidates):
         if candidate.type not in own or candidate in named:
@@ -387,15 +368,18 @@ def _own_terms(
         numbers = [i for i, one in enumerate(candidates) if one.candidate == candidate]
         judged = _best_alone(search, numbers, thresholds)
         if judged is None:
-            yield OwnTerm(candidate, "its parameters would have the wrong sign")
+            yield _own(candidate, "its parameters would have the wrong sign")
             continue
         said = short.get(candidate) or _objection(judged, thresholds)
         said = said or "what is named explains the same, or more"
-        yield OwnTerm(candidate, said, nearest(fit, search, [judged], said))
+        yield _own(candidate, said, nearest(fit, search, [judged], said))
+
+
+def _own(one: Candidate, objection: str, tried: NearestEffects | None = None) -> OwnTermEntry:
+    return OwnTermEntry(**found_effect(one), objection=objection, tried=tried)
 
 
 def _objection(judged: Judged, thresholds: Thresholds) -> str:
-    """Which test an effect does not pass, in words; empty if it passes all."""
     why = objection(judged, thresholds)
     return objection_told([why] if why else [])
 
@@ -408,7 +392,6 @@ def _best_alone(search: Search, numbers: Sequence[int], thresholds: Thresholds) 
 
 
 def _reach(fit: Fitted, search: Search, decision: Decision, thresholds: Thresholds) -> Reach:
-    """What the recordings of a fit can show."""
     threshold, gate = decision.threshold, thresholds.gates.smallest_strength
     return Reach(
         testable_share(search),
@@ -435,8 +418,8 @@ def _nearest(
     proof: Proof,
     answer: Answer,
     thresholds: Thresholds,
-) -> Nearest | None:
-    """Of effects that do not do, those that came furthest; on the joint that errs most."""
+) -> NearestEffects | None:
+    """The effects that came furthest, on the joint that errs most."""
     worst, names = _worst(proof), search.evidence.joints
     short = tuple(one.effect for one in proof.short)
     effects = short or proof.trial.zero or decision.nearest
@@ -447,6 +430,36 @@ def _nearest(
         if judged := _best_alone(search, there, thresholds):
             effects, said = (judged,), _objection(judged, thresholds) or said
     return nearest(fit, search, effects, said) if effects else None
+
+
+def nearest(
+    fit: Fitted, search: Search, effects: Sequence[Judged], objection: str
+) -> NearestEffects:
+    """What `effects` that are rejected would do to the fitted model, and why they are rejected;
+    held-out errors after them are NaN if the recordings do not determine them.
+    """
+    old = relative(fit.held_out, residual(fit.held_out, fit.before))
+    try:
+        model, _ = extended(search, fit.before, effects, fit.training)
+        carried, _ = with_own_loads(model, fit.evidence, fit.held_out)
+        new = relative(fit.held_out, residual(fit.held_out, carried))
+    except UndeterminedError:
+        new = np.full_like(old, np.nan)
+    left = left_share(search, [one.shaped for one in effects])
+    return NearestEffects(
+        effects=[
+            NearEffect(
+                **found_effect(one.shaped.candidate), score=one.score, threshold=one.threshold
+            )
+            for one in effects
+        ],
+        explained_share=float(np.clip(1.0 - left, 0.0, 1.0)),
+        model_error={
+            joint: ErrorChange(before=before, after=after)
+            for joint, before, after in zip(fit.before.joints, old, new, strict=True)
+        },
+        objection=objection,
+    )
 
 
 def with_left(answer: Answer, left: Sequence[UnknownPlace]) -> Answer:
@@ -478,13 +491,13 @@ def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
     return _named_beside(_unknown_beside(answer, strange), missing)
 
 
-def with_pulsation(answer: Answer, pulsations: Sequence[Pulsation]) -> Answer:
+def with_pulsation(answer: Answer, pulsations: Sequence[Line]) -> Answer:
     """The answer where a line is in the force that no motion makes."""
     return _unknown_beside(
         answer,
         [
             f"the force of {one.joint} pulsates at {one.frequency:.2f} Hz in all recordings "
-            f"({one.strength:.1%} of it), which no effect of the catalogue does"
+            f"({one.relative_magnitude:.1%} of it), which no effect of the catalogue does"
             for one in pulsations
         ],
     )
@@ -505,7 +518,6 @@ def _unknown_beside(answer: Answer, said: Sequence[str]) -> Answer:
 
 
 def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
-    """The answer, and effects that are named for another reason."""
     if not said:
         return answer
     text = "; ".join(said)
@@ -553,8 +565,6 @@ def _rejected(one: Rejection) -> str:
             )
         case Reason.FORM:
             return "one of them is but the form of another one"
-        case Reason.CURVE:
-            return "some shape of one of them explains another one"
         case Reason.RIVALS:
             return f"others that look different are as good as {about}"
         case Reason.SIGNATURE:
@@ -576,9 +586,8 @@ def _rejected(one: Rejection) -> str:
 
 
 def change_told(change: HeldOutChange) -> str:
-    """What becomes of the held-out error of a joint, in words; one number where both are one.
-
-    So that a percentage does not fall to itself.
+    """What becomes of the held-out error of a joint, in words; one number if both are printed
+    alike.
     """
     before, after = (f"{error:.2%}" for error in (change.before, change.after))
     if before == after:
@@ -592,5 +601,4 @@ def beyond_told(one: Beyond) -> str:
     if one.effects:
         rejected = objection_told(one.rejections)
         return f"{', '.join(one.effects)} explains more than chance does, but {rejected}"
-    force = f"{one.signature}, and falls" if one.falls else one.signature
-    return f"on {one.joint} there is {force}, as of no effect of the catalogue"
+    return f"on {one.joint} there is {one.signature}, as of no effect of the catalogue"

@@ -17,17 +17,23 @@ from crane_identification.diagnosis.findings import Findings, Verdict
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.fit import Fitted, fitted
 from crane_identification.diagnosis.flow import Flow, Flows, Quantity, Usual, examine, load_usual
-from crane_identification.diagnosis.proof.gap import Commanded, Gap, commanded
+from crane_identification.diagnosis.proof.gap import (
+    OF_PERIODS,
+    OF_SAMPLES,
+    Commanded,
+    Gap,
+    commanded,
+)
 from crane_identification.diagnosis.proof.proof import (
     Finding,
-    Nearest,
     Proof,
     Value,
     carried_in,
+    found_effect,
     in_counts,
     proved,
 )
-from crane_identification.diagnosis.residuals import correlation_left, energy_shares, regions
+from crane_identification.diagnosis.residuals import curves_of, energy_shares, regions
 from crane_identification.diagnosis.search.candidates import (
     MASS_SIGMAS,
     NO_LOAD,
@@ -39,7 +45,6 @@ from crane_identification.diagnosis.search.candidates import (
 from crane_identification.diagnosis.search.projection import extended
 from crane_identification.diagnosis.search.search import Search, acting, search
 from crane_identification.diagnosis.search.selection import ForwardSelection, Subset
-from crane_identification.diagnosis.unknown import curves_of
 from crane_identification.estimation.autoregression import Autoregression
 from crane_identification.notation import is_determined
 from crane_identification.options import Options
@@ -53,7 +58,6 @@ from crane_model.result_file import OpenMember, OpenQuestion, OpenQuestions, Que
 from crane_model.terms import REGISTRY
 from crane_model.terms.force_scale import USUAL_SCALE_ERROR
 
-WHITE_CORRELATION = 0.25  # of neighbouring rows, up to which a residual counts as white
 LAST = -1  # place of the effect that was put into a set: it is smaller where signs forbid the rest
 NOISE_LAGS = 64  # rows after which noise is forgotten
 NEAREST_MEMBERS = 4  # effects that come closest, of an answer that the catalogue does not hold it
@@ -68,10 +72,7 @@ PLAUSIBLE_SHARE = 0.02  # rms of a term that is not determined, over that of the
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The results of a diagnosis, step by step, and the answer that they come to.
-
-    It was made `without` these effects, and decided by these `thresholds`.
-    """
+    """The results of a diagnosis `without` some effects, step by step, and the answer."""
 
     fit: Fitted
     search: Search
@@ -85,50 +86,41 @@ class Diagnosis:
 
     @property
     def verdict(self) -> Verdict:
-        """Of the answer."""
         return self.answer.verdict
 
     @property
     def reason(self) -> str:
-        """Of the answer."""
         return self.answer.reason
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints."""
         return self.before.joints
 
     @property
     def before(self) -> Model:
-        """The model, fitted."""
         return self.fit.before
 
     @property
     def after(self) -> Model:
-        """The model with the findings, fitted."""
+        """The model with the findings."""
         return self.proof.trial.model
 
     @property
     def gap(self) -> Gap:
-        """Errors of both on recordings that took no part."""
         return self.proof.gap
 
     @property
     def training(self) -> Evidence:
-        """The rows that both were fitted to."""
         return self.fit.evidence
 
     @property
     def held_out(self) -> Evidence:
-        """The rows that took no part."""
         return self.fit.held_out
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """The effects that the model lacks, strongest first, with their parameters.
-
-        Their standard deviations take in that the form of an effect is not quite the machine's, and
-        that lengths and transducers scale the force by as much as is usual.
+        """The effects that the model lacks, strongest first. Their standard deviations include that
+        a form is not quite the machine's, and that lengths and transducers scale the force.
         """
         trial, counts = self.proof.trial, bool(self.fit.uncalibrated)
         found = []
@@ -143,7 +135,7 @@ class Diagnosis:
         )
 
     def _form_error(self, one: Judged) -> float:
-        """Relative error of the parameters of an effect because its form is not the machine's."""
+        """Relative error of the parameters of an effect because of its form."""
         gap, joints = self.gap, one.shaped.joints(self.joints)
         noise = np.where(np.isfinite(gap.floor), gap.floor, gap.sample_noise)
         error = np.fmax(gap.after, gap.training_after)
@@ -152,13 +144,12 @@ class Diagnosis:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """About the recordings, and where the model after does not carry over to those held out."""
         gap = self.gap
         further = elsewhere(self.joints, gap.after, gap.training_after, gap.floor)
         return (*self.fit.warnings, *further)
 
     def results(self, suspicions: Sequence[str] = ()) -> Findings:
-        """What findings.json holds, with what is suspicious of the recordings."""
+        """What findings.json holds."""
         return Findings(
             verdict=self.verdict,
             reason=self.reason,
@@ -167,20 +158,13 @@ class Diagnosis:
             findings=[_finding(self, one) for one in self.findings]
             + [_of_flow(self, one.joint, each) for one in self.flow.found for each in one.missing]
             + [_of_load(self, one) for one in self.gap.loads if one.found],
-            nearest=_near(self.answer.nearest),
-            own_terms=[
-                schema.OwnTermEntry(
-                    **dict(_effect(one.candidate)), objection=one.objection, tried=_near(one.near)
-                )
-                for one in self.answer.own
-            ],
+            nearest=self.answer.nearest,
+            own_terms=list(self.answer.own),
             unknown=self.answer.unknown,
             model_error=_errors(self),
             left=_left(self),
             undetermined=list(self.fit.undetermined),
-            clock=schema.SessionClock(
-                through_session=self.fit.session.fallback is None, reason=self.fit.session.fallback
-            ),
+            clock=self.fit.session.fallback,
             needs_units=list(self.fit.uncalibrated),
             warnings=list(self.warnings),
             without=sorted(self.without),
@@ -193,7 +177,9 @@ class Diagnosis:
             ],
             pulsations=[
                 schema.FoundPulsation(
-                    joint=one.joint, frequency=one.frequency, relative_magnitude=one.strength
+                    joint=one.joint,
+                    frequency=one.frequency,
+                    relative_magnitude=one.relative_magnitude,
                 )
                 for one in self.proof.pulsations
             ],
@@ -247,7 +233,6 @@ def diagnose(
 
 
 def _check(training: Sequence[Log], validation: Sequence[Log], without: Collection[str]) -> None:
-    """Raise an error unless there are recordings, and the effects of `without` are known."""
     for name, logs in (("--train", training), ("--validate", validation)):
         if not logs:
             raise DataError(f"no recordings given; name at least one with {name}")
@@ -272,15 +257,13 @@ def _with_error(value: Value, share: float) -> Value:
 
 
 def _where(diagnosis: Diagnosis) -> dict[str, schema.FoundPlace]:
-    motion, first = diagnosis.gap.motion_before, diagnosis.proof.before
+    first = diagnosis.proof.before
     shares, places = (
         energy_shares(diagnosis.training, first, diagnosis.gap),
         regions(diagnosis.fit, first),
     )
     return {
-        joint: schema.FoundPlace(
-            energy_share=shares[j], motion_error=motion.position_rms[j], region=places[j]
-        )
+        joint: schema.FoundPlace(energy_share=shares[j], region=places[j])
         for j, joint in enumerate(diagnosis.joints)
     }
 
@@ -296,11 +279,8 @@ def _errors(diagnosis: Diagnosis) -> schema.ModelErrors:
             joint: schema.ModelError(
                 force_relative_error=error[j],
                 noise_floor=gap.floor[j],
-                sample_noise=gap.sample_noise[j],
                 best_achievable=gap.best[j],
                 motion_error=motion.position_rms[j],
-                motion_displacement=motion.displacement_rms[j],
-                motion_reason=motion.reason,
             )
             for j, joint in enumerate(gap.joints)
         }
@@ -330,14 +310,12 @@ def _errors(diagnosis: Diagnosis) -> schema.ModelErrors:
 def _left(diagnosis: Diagnosis) -> dict[str, schema.LeftResidual]:
     fit, trial, gap = diagnosis.fit, diagnosis.proof.trial, diagnosis.gap
     errors, gates = np.maximum(gap.after, gap.training_after), diagnosis.thresholds.gates
-    beyond_noise = gap.beyond_noise(errors, gates)
+    beyond_noise = gap.beyond(errors, gates, OF_PERIODS)
     if trial.formless:  # model forms always leave more than the noise of sensors
-        beyond_noise |= gap.beyond_samples(errors, gates)
-    correlations, places = correlation_left(fit.evidence, trial), regions(fit, trial)
+        beyond_noise |= gap.beyond(errors, gates, OF_SAMPLES)
+    places = regions(fit, trial)
     return {
         joint: schema.LeftResidual(
-            white=bool(abs(correlations[j]) < WHITE_CORRELATION),
-            correlation=correlations[j],
             learnable_share=trial.learnt.share[j],
             systematic=bool(trial.law[j]),
             beyond_noise=bool(beyond_noise[j]),
@@ -352,9 +330,9 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> schema.FindingEntry:
     magnitude = acting(diagnosis.training, judged.shaped.columns, finding.added)
     linear = finding.parameters[: len(judged.shaped.positive)]
     return schema.FindingEntry(
-        **dict(_effect(candidate)),
+        **found_effect(candidate),
         changed=candidate.changes,
-        ambiguity_group=[_effect(one) for one in judged.indistinct],
+        ambiguity_group=[schema.FoundEffect(**found_effect(one)) for one in judged.indistinct],
         parameters=[_parameter(value) for value in finding.parameters],
         curves=curves_of(
             judged.shaped.term,
@@ -373,20 +351,16 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> schema.FindingEntry:
         carried_in=carried_in(finding, diagnosis.training.sources),
         score=judged.score,
         threshold=judged.threshold,
-        false_alarm_rate=diagnosis.thresholds.method.false_alarm_rate,
-        runner_up=None if judged.runner_up is None else _effect(judged.runner_up),
+        runner_up=judged.runner_up and schema.FoundEffect(**found_effect(judged.runner_up)),
         margin=judged.margin,
         margin_needed=judged.needed,
-        visibility=judged.visibility,
         relative_magnitude=magnitude,
         visible_magnitude=min(judged.strength, magnitude),
-        held_out_gains=dict(zip(judged.fold_names, judged.held_out, strict=True)),
         discriminated_by=candidate.effect.discriminated_by,
     )
 
 
 def _of_load(diagnosis: Diagnosis, one: Weighed) -> schema.FindingEntry:
-    """A load that a held-out recording alone carries."""
     cls = next(type(term) for term in diagnosis.gap.carried.terms if term.carries_loads)
     mass = _parameter(Value("m_payload", one.mass, one.std_dev, "kg"))
     carried = {mass.name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}
@@ -396,7 +370,6 @@ def _of_load(diagnosis: Diagnosis, one: Weighed) -> schema.FindingEntry:
 
 
 def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> schema.FindingEntry:
-    """A finding of the flow balance; it adds nothing to the model of forces."""
     sigmas = diagnosis.thresholds.method.flow_sigmas
     threshold = (sigmas * one.std_dev / one.value) ** 2 * one.score
     return _by_itself(
@@ -414,46 +387,27 @@ def _by_itself(
     **known: Any,
 ) -> schema.FindingEntry:
     """A finding with one parameter, which competed with no other effect."""
-    rest: dict[str, Any] = {"carried_in": {}, "visible_magnitude": None} | known
     return schema.FindingEntry(
         effect=what.type,
         name=what.effect.name,
         joint=joint,
-        ambiguity_group=[],
         parameters=[value],
         score=score,
         threshold=threshold,
-        false_alarm_rate=diagnosis.thresholds.method.false_alarm_rate,
-        runner_up=None,
         margin=score,
-        margin_needed=0.0,
-        visibility=1.0,
-        relative_magnitude=None,  # over the drive force, as of effects that compete
-        held_out_gains={},
         discriminated_by=what.effect.discriminated_by,
-        **rest,
+        **known,
     )
 
 
 def _balance(flow: Flow) -> schema.FlowBalance:
     return schema.FlowBalance(
         unexplained_share=flow.unexplained,
-        correlation_left=flow.correlation,
-        worn=flow.worn,
         known_time=flow.known,
         recorded_time=flow.recorded,
-        edge_gains={
-            one.edge: schema.EdgeGain(
-                value=one.value, std_dev=one.std_dev, determined=bool(one.determined)
-            )
-            for one in flow.gains
-        },
         quantities={
             one.type: schema.HydraulicQuantity(
-                **dict(_of_quantity(one)),
-                usual_limit=one.usual,
-                identified=one.own,
-                share_beyond_usual=one.share,
+                **dict(_of_quantity(one)), usual_limit=one.usual, identified=one.own
             )
             for one in flow.quantities
         },
@@ -469,10 +423,6 @@ def _of_quantity(one: Quantity) -> schema.FoundParameter:
         minimum=None,
         determined=bool(one.determined),
     )
-
-
-def _effect(one: Candidate) -> schema.FoundEffect:
-    return schema.FoundEffect(effect=one.type, name=one.effect.name, joint=one.where)
 
 
 def _parameter(one: Value) -> schema.FoundParameter:
@@ -497,30 +447,10 @@ def _parameter(one: Value) -> schema.FoundParameter:
     )
 
 
-def _near(near: Nearest | None) -> schema.NearestEffects | None:
-    """What effects would do that are not named, and why that does not do."""
-    if near is None:
-        return None
-    return schema.NearestEffects(
-        effects=[
-            schema.NearEffect(
-                **dict(_effect(one.shaped.candidate)), score=one.score, threshold=one.threshold
-            )
-            for one in near.effects
-        ],
-        explained_share=near.explained,
-        model_error={
-            joint: schema.ErrorChange(before=before, after=after)
-            for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
-        },
-        objection=near.objection,
-    )
-
-
 def _partly_seen(search: Search) -> list[schema.PartlySeen]:
     """Friction of which the used rows see little, at some value of its nonlinear parameters."""
     return [
-        schema.PartlySeen(**dict(_effect(candidate)), seen_share=share)
+        schema.PartlySeen(**found_effect(candidate), seen_share=share)
         for candidate, share in search.seen.items()
         if share < PARTLY_SEEN_SHARE
     ]
@@ -537,7 +467,6 @@ def _untried(candidates: Mapping[Candidate, str]) -> list[schema.Untried]:
 
 
 def _open_questions(diagnosis: Diagnosis) -> OpenQuestions:
-    """All that another experiment could discriminate."""
     fit, search = diagnosis.fit, diagnosis.search
     step = fit.training.recordings[0].step
     pairs = zip(diagnosis.joints, search.whitener.noise, strict=False)  # the first zone
@@ -575,7 +504,7 @@ def _ambiguous(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
         known = [others[one] for one in judged.indistinct if one in others]
         members = [_member(search, subset, place, None)]
         members += [_member(search, one, LAST, subset.gain) for one in known]
-        yield _question(diagnosis, QuestionKind.AMBIGUOUS, members, judged)
+        yield _question(diagnosis, QuestionKind.AMBIGUOUS, members, judged.threshold)
 
 
 def _nearest_question(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
@@ -583,16 +512,16 @@ def _nearest_question(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
     if diagnosis.verdict is not Verdict.UNKNOWN or diagnosis.answer.nearest is None:
         return
     search, near = diagnosis.search, diagnosis.answer.nearest
-    candidates, joint = search.projection.candidates, near.effects[0].shaped.candidate.joint
+    candidates, joint = search.projection.candidates, near.effects[0].joint
     alone = sorted(extended(search.projection, search.sets[0][0]), key=lambda one: -one.gain)
-    on_joint = [one for one in alone if candidates[one.numbers[-1]].candidate.joint == joint]
+    on_joint = [one for one in alone if candidates[one.numbers[-1]].candidate.where == joint]
     first = on_joint[:NEAREST_MEMBERS]
     if len(first) > 1:
         members = [
             _member(search, one, 0, first[0].gain if place else None)
             for place, one in enumerate(first)
         ]
-        yield _question(diagnosis, QuestionKind.NEAREST, members, near.effects[0])
+        yield _question(diagnosis, QuestionKind.NEAREST, members, near.effects[0].threshold or 0.0)
 
 
 def _undetermined(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
@@ -620,13 +549,13 @@ def _undetermined(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
 
 
 def _question(
-    diagnosis: Diagnosis, kind: QuestionKind, members: Sequence[OpenMember], judged: Judged
+    diagnosis: Diagnosis, kind: QuestionKind, members: Sequence[OpenMember], threshold: float
 ) -> OpenQuestion:
     alike = diagnosis.thresholds.method.alike_correlation
     return OpenQuestion(
         kind=kind,
         members=list(members),
-        needed=float(np.sqrt(max(judged.threshold, diagnosis.decision.threshold))),
+        needed=float(np.sqrt(max(threshold, diagnosis.decision.threshold))),
         needed_share=float(np.sqrt(1.0 - alike**2)),
     )
 
@@ -642,7 +571,7 @@ def _member(search: Search, subset: Subset, place: int, best: float | None) -> O
         subset.values[of_effect], scale, out=np.zeros(of_effect.sum()), where=scale > 0.0
     )
     return OpenMember(
-        **dict(_effect(shaped.candidate)),
+        **found_effect(shaped.candidate),
         term=shaped.term.model_dump(mode="json"),
         values=values.tolist(),
         separation=None if best is None else float(np.sqrt(max(best - subset.gain, 0.0))),

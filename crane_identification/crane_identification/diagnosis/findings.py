@@ -94,7 +94,7 @@ class FindingEntry(FoundEffect):
 
     changed: bool = False
     """Whether a value of the model has changed, rather than that a term is missing."""
-    ambiguity_group: list[FoundEffect]
+    ambiguity_group: list[FoundEffect] = []
     """Effects that these recordings cannot tell from this one."""
     parameters: list[ChangedParameter | FoundParameter]
     """Of this effect, in the model with all findings."""
@@ -102,30 +102,23 @@ class FindingEntry(FoundEffect):
     """Its law, where none of the catalogue fits; empty where one does."""
     deviation: list[FoundCurve] = []
     """The force that its form lacks; empty where the form is that of the catalogue."""
-    carried_in: dict[str, list[str]]
+    carried_in: dict[str, list[str]] = {}
     """Recordings that carry a load, by the parameter of the load, and by `none` those without."""
     score: Number
     """2 Δ log L of the training recordings [-]."""
     threshold: Number
     """What a finding has to score [-]."""
-    false_alarm_rate: Number
-    """Promised of the threshold [-]."""
-    runner_up: FoundEffect | None
+    runner_up: FoundEffect | None = None
     """The effect that explains most in its place."""
     margin: Number
     """Score beyond the runner-up's [-]."""
-    margin_needed: Number
+    margin_needed: Number = 0.0
     """Margin with which the runner-up is ruled out [-]."""
-    visibility: Number
-    """Share of its energy that the other parameters do not take up [-]."""
-    relative_magnitude: Number
+    relative_magnitude: Number = None
     """Rms of its force over that of the drive force, while its joint slides; null for flows and
     loads [-]."""
-    visible_magnitude: Number
+    visible_magnitude: Number = None
     """The same of the part that other parameters do not take up; for a flow, over the flow [-]."""
-    held_out_gains: NumberByJoint
-    """What it gains on each recording in which it acts when fitted to the others, by their names;
-    where these are few, on blocks of time [-]."""
     discriminated_by: str
     """The experiment that tells it from what looks alike."""
 
@@ -148,8 +141,6 @@ class FoundPlace(ResultPart):
 
     energy_share: Number
     """Of all that the model leaves, in units of the noise [-]."""
-    motion_error: Number
-    """Rms error of the simulated motion of the held-out recordings [rad, m]."""
     region: FoundRegion | None
     """Where the residual sits."""
 
@@ -258,16 +249,10 @@ class ModelError(ResultPart):
     """Rms error of the force over that of the force [-]."""
     noise_floor: Number
     """Scatter between periods over the same; null where none was repeated [-]."""
-    sample_noise: Number = None
-    """What scatters from sample to sample, as far as rows hold it, over the same [-]."""
     best_achievable: Number
     """Error that a flexible learner reaches over the same [-]."""
     motion_error: Number
     """Rms error of the simulated motion [rad, m]."""
-    motion_displacement: Number
-    """How far the joint itself moved in that time [rad, m]."""
-    motion_reason: str
-    """Why no motion was simulated; empty if it was."""
 
 
 class CarriedLoad(ResultPart):
@@ -317,10 +302,6 @@ class ModelErrors(ResultPart):
 class LeftResidual(ResultPart):
     """What is left of a joint after the findings."""
 
-    white: bool
-    """Whether neighbouring rows of it hardly correlate."""
-    correlation: Number
-    """Of neighbouring rows [-]."""
     learnable_share: Number
     """Of its energy that a flexible learner predicts [-]."""
     systematic: bool
@@ -329,15 +310,6 @@ class LeftResidual(ResultPart):
     """Whether the error is clearly larger than the noise floor."""
     region: FoundRegion | None
     """Where it sits."""
-
-
-class SessionClock(ResultPart):
-    """Whether the recordings have a time in common."""
-
-    through_session: bool
-    """Whether time runs through all recordings, as warming up does."""
-    reason: str | None
-    """Why not."""
 
 
 class Untried(ResultPart):
@@ -369,17 +341,6 @@ class FoundPulsation(ResultPart):
     """Its rms over that of the force [-]."""
 
 
-class EdgeGain(ResultPart):
-    """The gain of a metering edge of a valve."""
-
-    value: Number
-    """Estimate [m3/(s Pa^0.5)]."""
-    std_dev: Number
-    """Its standard deviation [m3/(s Pa^0.5)]."""
-    determined: bool
-    """Whether the recordings tell."""
-
-
 class HydraulicQuantity(FoundParameter):
     """A value of the hydraulics, beside what is usual."""
 
@@ -387,8 +348,6 @@ class HydraulicQuantity(FoundParameter):
     """Limit of what is usual [unit]."""
     identified: bool = False
     """Whether that is of the machine's own identified value, not of the data sheet."""
-    share_beyond_usual: Number
-    """Rms of the flow that is beyond usual over that of the piston's flow [-]."""
 
 
 class FlowBalance(ResultPart):
@@ -396,16 +355,10 @@ class FlowBalance(ResultPart):
 
     unexplained_share: Number
     """Rms of what is unexplained over that of the piston's flow [-]."""
-    correlation_left: Number
-    """Of neighbouring rows of what is unexplained [-]."""
-    worn: bool
-    """Whether the leakage changes along the stroke: its value is the mean."""
     known_time: Number
     """For which everything is known that the balance needs [s]."""
     recorded_time: Number
     """Of the recordings [s]."""
-    edge_gains: dict[str, EdgeGain]
-    """By metering edge."""
     quantities: dict[str, HydraulicQuantity]
     """By name in the catalogue; empty where too much is left for any to be good."""
 
@@ -436,8 +389,8 @@ class Findings(ResultFile):
     undetermined: list[str]
     """Parameters of the model that the recordings do not determine: terms of theirs alone were left
     out, of combinations with others counts what is determined."""
-    clock: SessionClock
-    """Of the session."""
+    clock: str | None
+    """Why the recordings have no time in common, through which oil warms up; null if they have."""
     needs_units: list[str]
     """Quantities that came in counts, and without whose unit no value has one."""
     warnings: list[str]

@@ -62,7 +62,7 @@ class Usual(Schema):
         return self
 
     def leakage_of(self, joint: str) -> float:
-        """Of a joint [m3/(s Pa)]; infinite where the file has none."""
+        """Of a joint [m3/(s Pa)]; infinite if the file has none."""
         match self.leakage:
             case dict() as each:
                 return each.get(joint, np.inf)
@@ -72,9 +72,9 @@ class Usual(Schema):
 
 @dataclass(frozen=True)
 class JointUsual:
-    """What is usual of one joint, by limits: of dead bands towards chambers A and B, hysteresis and
-    leakage the highest, of the bulk modulus the lowest, of the asymmetry both. Those whose names
-    are in `own` are about the machine's identified values.
+    """Limits of what is usual of one joint: of dead bands towards chambers A and B, hysteresis and
+    leakage the highest, of the bulk modulus the lowest, of the asymmetry both. `own`: those about
+    the machine's identified values.
     """
 
     dead_bands: tuple[float, float]
@@ -86,7 +86,9 @@ class JointUsual:
 
 
 def usual_of(joint: str, usual: Usual, hydraulics: HydraulicValues | None) -> JointUsual:
-    """By the joint's own values as far as they are determined; `DataError` if no dead band is."""
+    """Limits by the joint's own values as far as they are determined; `DataError` if no dead band
+    is.
+    """
     known = hydraulics.joints.get(joint) if hydraulics else None
     own = _own(known) if known and known.chambers else {}
     if joint not in usual.dead_band and "dead_bands" not in own:
@@ -137,24 +139,16 @@ def load_usual(path: Path | None = None) -> Usual:
     return load(path or machine_file("hydraulics.yaml"), Usual)
 
 
-# The second residual: what the flow of oil tells of valves and oil, joint by joint.
-#
 # Measured pressures are the input of the torque model, so that valves, leakage and compressibility
 # cannot show in its residual. They do in the balance of flow, which is fitted as a whole: every
 # machine has some of each, and an effect is missing where a value is not the usual one.
 
-# What a balance of flow says of valves and oil, beside what is usual of them.
-
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value of the hydraulics with one standard deviation, and the limit of what is usual, which
-    is the machine's `own` where it was identified; `type` is its name in FLOW_EFFECTS. Of what
-    changes `along_stroke`, it is the mean.
-
-    With that limit in its place, `share` of the piston's flow (rms) more is unexplained, and the
-    balance loses the `score` 2 dlogL; both are 0 where the value is usual. It is `determined` where
-    the recordings tell a usual value from one that is not.
+    """A value of the hydraulics, and the limit of what is usual, the machine's `own` if it was
+    identified; `type` is its name in FLOW_EFFECTS. With the limit in its place, `share` of the
+    piston's flow (rms) more is unexplained, and the balance loses the `score` 2 dlogL.
     """
 
     type: str
@@ -170,24 +164,19 @@ class Quantity:
 
     @property
     def limit(self) -> str:
-        """What the limit is of, in words."""
         return "what was identified of it" if self.own else "what is usual"
 
     @property
     def effect(self) -> Effect:
-        """What people call it."""
         return FLOW_EFFECTS[self.type].effect
 
     @property
     def unit(self) -> str:
-        """Of the value."""
         return FLOW_EFFECTS[self.type].unit
 
 
 class Gain(NamedTuple):
-    """Gain of a metering edge with one standard deviation [m3/(s Pa^0.5)], and whether the edge was
-    used enough to tell.
-    """
+    """Gain of a metering edge [m3/(s Pa^0.5)], and whether the edge was used enough to tell."""
 
     edge: str
     value: float
@@ -197,12 +186,9 @@ class Gain(NamedTuple):
 
 @dataclass(frozen=True)
 class Flow:
-    """The hydraulics of one joint, and the share of the piston's flow (rms) left unexplained, with
-    the most of it that is `usual`, the correlation of neighbouring rows of it, and the share of its
-    energy that `air` in the oil would explain.
-
-    `quantities` is empty where too much is left for any value to be good. All that the balance
-    needs is `known` for that time [s] of what was `recorded`. `method`: what of it counts.
+    """The hydraulics of one joint, the share of the piston's flow (rms) left unexplained, the most
+    of it that is `usual`, its correlation, and the share of its energy that `air` would explain.
+    `quantities` is empty if too much is left for any value to be good.
     """
 
     joint: str
@@ -218,16 +204,12 @@ class Flow:
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """What the recordings do not tell, as people call it."""
         edges = (f"gain of the edge {one.edge}" for one in self.gains if not one.determined)
         return (*edges, *(one.effect.name for one in self.quantities if not one.determined))
 
     @property
     def missing(self) -> tuple[Quantity, ...]:
-        """What is not as usual, strongest first; nothing where that is `unknown`.
-
-        A law that is not quite its own takes others along: they explain little beside it.
-        """
+        """What is not as usual, strongest first; nothing if most of what is left is `unknown`."""
         return () if self.unknown else self._beyond
 
     @property
@@ -240,27 +222,19 @@ class Flow:
         return law and self.unexplained > self.usual and named < method.flow_named_share * beyond
 
     @property
-    def worn(self) -> bool:
-        """Whether the leakage changes along the stroke, as of a piston that is worn."""
-        return any(one.along_stroke for one in self.quantities)
-
-    @property
     def airy(self) -> bool:
-        """Whether air in the oil would explain most of what is left."""
         return self.air > self.method.flow_named_share
 
     @property
     def _beyond(self) -> tuple[Quantity, ...]:
         found = sorted((q for q in self.quantities if q.missing), key=lambda q: -q.score)
-        least = self.method.flow_further_share
+        least = self.method.further_share
         return tuple(q for q in found if q.share**2 >= least * found[0].share ** 2)
 
 
 @dataclass(frozen=True)
 class Flows:
-    """The hydraulics `found` of each joint whose flow was recorded, and of effects and the other
-    joints why they are `unobservable`.
-    """
+    """The hydraulics of each joint whose flow was recorded, and why others are `unobservable`."""
 
     found: tuple[Flow, ...]
     unobservable: dict[tuple[str, str], str]
@@ -301,7 +275,6 @@ class Quantities:
         )
 
     def _dead_band(self) -> Quantity:
-        """Of the direction in which it is wider than usual, or nearer to that."""
         balance = self._balance
         limits, zones = self._usual.dead_bands, balance.spool.dead_bands
         a, b = (min(zone, limit) for zone, limit in zip(zones, limits, strict=True))
@@ -394,27 +367,23 @@ def examine(
     thresholds: Thresholds,
     named: Sequence[Candidate] = (),
 ) -> Flows:
-    """Each joint whose flow was recorded, and why effects are not observable on the others.
-
-    An effect is missing where its value lies beyond what is usual, and where the usual value
-    predicts the flow of the `held_out` recordings clearly worse. Where effects
-    that are `named` are of sensors, what these measure tells nothing of the flow.
+    """The flow of each joint. An effect is missing if its value lies beyond what is usual, and the
+    usual value predicts the `held_out` flow clearly worse. If `named` effects are of sensors, these
+    tell nothing of the flow.
     """
     distrusted = {one.where for one in named if one.term.is_of_sensors()}
-
-    def flow_of(joint: str) -> tuple[list[Flow], dict[tuple[str, str], str]]:
+    found: list[Flow] = []
+    absent: dict[tuple[str, str], str] = {}
+    for joint in evidence.joints:
         try:
             here, there = FlowRows(evidence, joint), FlowRows(held_out, joint)
             if joint in distrusted:
                 raise DataError(f"flow of '{joint}': its sensors may be wrong; settle that first")
             own = usual_of(joint, usual, evidence.model.hydraulics)
-            return [_flow(here, there, own, thresholds)], {}
+            found.append(_flow(here, there, own, thresholds))
         except DataError as error:
-            return [], {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
-
-    parts = [flow_of(joint) for joint in evidence.joints]
-    absent = {effect: reason for _, reasons in parts for effect, reason in reasons.items()}
-    return Flows(tuple(flow for flows, _ in parts for flow in flows), absent)
+            absent |= {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
+    return Flows(tuple(found), absent)
 
 
 def _flow(here: FlowRows, there: FlowRows, usual: JointUsual, thresholds: Thresholds) -> Flow:

@@ -39,8 +39,8 @@ SIGNALS = ("command", "pressure_a", "pressure_b", "supply_pressure", "tank_press
 
 
 class _Part(NamedTuple):
-    """A run, or part of one, in which all is known: `gate` (samples,), which of its rows are
-    `open`, and what its valve is asked with.
+    """A part of a run in which all is known: its `gate` (samples,), its `open` rows, and what its
+    valve is asked with.
     """
 
     run: Run
@@ -55,9 +55,8 @@ class _Part(NamedTuple):
 
 class FlowRows:
     """Rows (N,) of the balance of one joint, both chambers: while it moves, and all is known.
-
     `recorded` and `known` are the times [s] of the recordings, and of their parts in which all
-    SIGNALS are known. `DataError` says why nothing can be told.
+    SIGNALS are known.
     """
 
     def __init__(self, evidence: Evidence, joint: str) -> None:
@@ -84,7 +83,6 @@ class FlowRows:
 
     @cached_property
     def wear_range(self) -> WearRange:
-        """Where the joint has been, as far as the balance is asked."""
         places = [
             part.run.record.position[part.gate > 0.0, part.run.record.column(self.joint)]
             for part in self._parts
@@ -122,7 +120,6 @@ class FlowRows:
         return values if values.ndim == 1 else values[:, record.column(self.joint)]
 
     def _known(self, run: Run) -> list[Run]:
-        """The parts of a run in which all signals are known."""
         known = np.isfinite([self._signal(run.record, name) for name in SIGNALS]).all(axis=0)
         ends = np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2)
         parts = [slice(begin, end) for begin, end in ends.tolist()]
@@ -207,7 +204,6 @@ class FlowSolution(NamedTuple):
 
     @property
     def rest(self) -> float:
-        """Variance of what is left."""
         return power(self.left)
 
 
@@ -308,11 +304,9 @@ class Side:
 
 
 class ProvedBalance:
-    """The balance of a joint, `fitted` to the rows `here` and proved by those `there`.
-
-    `columns` and `proof` are its columns of the two, `least` is the mean square left in the proof,
-    `unexplained` the share of the flow (rms) that is left, and `correlation` that of neighbouring
-    rows of what is left.
+    """The balance of a joint, `fitted` to the rows `here` and proved by those `there`. `least` is
+    the mean square left in the proof, `unexplained` the share of the flow (rms) that is left,
+    `correlation` that of its neighbouring rows.
     """
 
     def __init__(self, here: Side, there: Side, spool: Spool) -> None:
@@ -334,13 +328,11 @@ class ProvedBalance:
         return float(1.0 - max(fit.rest / self.fitted.rest, left / self.least)), fit.values
 
     def unit(self, column: int) -> np.ndarray:
-        """Gradient of a single parameter."""
         return np.eye(len(self.fitted.values))[column]
 
     def std_dev(self, gradient: np.ndarray) -> float:
         """Of a function of the parameters with this gradient (k,); infinite if it is not
-        determined. Neighbouring rows of what is left are not independent, as of an autoregression
-        of first order.
+        determined. What is left counts as an autoregression of first order.
         """
         if not self.fitted.determined[gradient != 0.0].all():
             return float("inf")
@@ -350,18 +342,14 @@ class ProvedBalance:
 
 
 def balance_of(here: FlowRows, there: FlowRows) -> ProvedBalance:
-    """With one leakage for all places."""
-    spool = searched(here)
-    return ProvedBalance(_plain(here), _plain(there), spool)
-
-
-def _plain(rows: FlowRows) -> Side:
-    return Side(rows, np.empty((len(rows.flow), 0)))
+    """The balance with one leakage for all places."""
+    first, second = (Side(rows, np.empty((len(rows.flow), 0))) for rows in (here, there))
+    return ProvedBalance(first, second, searched(here))
 
 
 def with_wear(plain: ProvedBalance, least_share: float) -> ProvedBalance:
-    """The same with a leakage along the stroke, where that explains more than `least_share` of what
-    is left; else as it is.
+    """The same with a leakage along the stroke, if that explains more than `least_share` of what is
+    left.
     """
     here, there = plain.here.rows, plain.there.rows
     wear = [rows.worn(here.wear_range) for rows in (here, there)]

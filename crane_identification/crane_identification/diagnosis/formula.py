@@ -8,7 +8,6 @@ counts by how much of the model error it closes on held-out recordings.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib.resources import files
 from itertools import product
 from typing import NamedTuple
@@ -17,14 +16,28 @@ import numpy as np
 from scipy.optimize import minimize
 
 from crane_identification.diagnosis.findings import FoundFormula, FoundParameter
-from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence, beside, relative
+from crane_identification.diagnosis.fit.evidence import (
+    MOST_SHARE,
+    VISIBLE_SHARE,
+    Evidence,
+    beside,
+    least_squares,
+    relative,
+)
 from crane_identification.diagnosis.proof.gap import Gap, where_trained
-from crane_identification.diagnosis.residuals import OF_NO_JOINT, on_rows, read, unit_of
+from crane_identification.diagnosis.residuals import (
+    OF_NO_JOINT,
+    as_counted,
+    on_rows,
+    read,
+    solved,
+    unit_of,
+)
 from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.unknown import as_counted, solved
 from crane_identification.notation import is_determined, listed, plain
 from crane_model.errors import CraneError
 from crane_model.record import Record
+from crane_model.terms.nonparametric import FACTORS
 from crane_model.terms.term import Variable
 
 NAMES = "abc"  # of the coefficients
@@ -33,14 +46,12 @@ KEPT_SINGLES = 60  # terms by themselves, the best of which are tried in pairs
 LEAST_SHARE = 0.03  # of the energy beyond noise, that a further term explains at least
 ALIKE = 1e-3  # share of the energy of a term that is left beside another, below which both are one
 SURE_SIGMAS = 4.0  # by which a coefficient differs from zero, or its term is dropped
-WORTH_SHARE = 0.5  # of the model error, that a formula closes to be reported
 WAVES, STEPS, EDGES = 40, 8, 9  # scales of waves, of curves that level off, and of edges
 
 
 class Primitive(NamedTuple):
-    """A shape as Python has it, and its values at x (n,) with the scale c.
-
-    The coefficient has the unit of the force over that of x to this `power`.
+    """A shape as Python has it, and its values at x (n,) with the scale c. The coefficient has the
+    unit of the force over that of x to this `power`.
     """
 
     code: str
@@ -91,10 +102,7 @@ class FormulaTerm:
 def formula(
     search: Search, held_out: Evidence, gap: Gap, j: int, counts: bool = False
 ) -> FoundFormula | None:
-    """The formula that explains the residual of joint number j best; None if no short formula does.
-
-    With `counts`, its units are those of sensors that are not calibrated.
-    """
+    """The formula that explains the residual of joint number j best; None if no short one does."""
     grammar = _Grammar(search, j)
     best: tuple[float, FoundFormula] | None = None
     known = 0.0
@@ -106,7 +114,7 @@ def formula(
         found = _tested(search, held_out, gap, j, terms, counts)
         if best is None or (found.closed_share or 0.0) > best[0] + LEAST_SHARE:
             best = (found.closed_share or 0.0), found
-    return best[1] if best is not None and best[0] >= WORTH_SHARE else None
+    return best[1] if best is not None and best[0] >= MOST_SHARE else None
 
 
 class _Grammar:
@@ -119,7 +127,7 @@ class _Grammar:
         self._basis, self._residual = search.base.basis[inside], search.base.residual[inside]
         noise = inside.sum() - (self._basis**2).sum()  # of rows that the base does not fit
         self.beyond = max(float((self._residual**2).sum() - noise), 1.0)
-        self._factors = {times: _rows(evidence, partial(_factor, times, j=j)) for times in TIMES}
+        self._factors = {times: _rows(evidence, FACTORS[times], j) for times in TIMES}
         self._x: dict[tuple[Variable, int], np.ndarray] = {}
         for variable, about in product(READ, range(len(evidence.joints))):
             if about != j and variable in OF_NO_JOINT:
@@ -154,7 +162,7 @@ class _Grammar:
 
     def _products(self, terms: Sequence[FormulaTerm]) -> tuple[np.ndarray, np.ndarray]:
         """Gram matrix (k, k) beside the base, and products with the residual (k,); zero for terms
-        that do not show beside it.
+        that do not show.
         """
         x, factors = self._x, self._factors
         values = [one.form.values(x[one.variable, one.about], one.scale) for one in terms]
@@ -176,7 +184,6 @@ class _Grammar:
         return gram, score
 
     def gain(self, terms: Sequence[FormulaTerm]) -> float:
-        """2 Δ log L of some terms together."""
         gram, score = self._products(terms)
         return float(score @ np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ score)
 
@@ -234,15 +241,9 @@ class _Grammar:
         return at(found.x)
 
 
-def _rows(evidence: Evidence, values: Callable[[Record], np.ndarray]) -> np.ndarray:
-    """Values (samples,) of a record on the rows of the evidence (n,)."""
-    return np.concatenate([values(run.record)[run.kept] for run in evidence.runs])
-
-
-def _factor(times: str, record: Record, j: int) -> np.ndarray:
-    """A factor (n,) of the terms of joint number j."""
-    velocity = record.velocity[:, j]
-    return {"1": np.ones_like(velocity), "sgn(q')": record.direction[:, j], "q'": velocity}[times]
+def _rows(evidence: Evidence, values: Callable[[Record, int], np.ndarray], j: int) -> np.ndarray:
+    """Values (samples,) of joint number j of a record on the rows of the evidence (n,)."""
+    return np.concatenate([values(run.record, j)[run.kept] for run in evidence.runs])
 
 
 def _columns(evidence: Evidence, terms: Sequence[FormulaTerm], j: int) -> np.ndarray:
@@ -252,18 +253,13 @@ def _columns(evidence: Evidence, terms: Sequence[FormulaTerm], j: int) -> np.nda
         values = np.zeros((*run.record.position.shape, len(terms)))
         for k, one in enumerate(terms):
             x = read(one.variable, run.record, evidence.model.setting, one.about)
-            values[:, j, k] = one.form.values(x, one.scale) * _factor(one.times, run.record, j)
+            values[:, j, k] = one.form.values(x, one.scale) * FACTORS[one.times](run.record, j)
         rows.append(run.filtered(values))
     return np.concatenate(rows)
 
 
 def _tested(
-    search: Search,
-    held_out: Evidence,
-    gap: Gap,
-    j: int,
-    terms: Sequence[FormulaTerm],
-    counts: bool,
+    search: Search, held_out: Evidence, gap: Gap, j: int, terms: Sequence[FormulaTerm], counts: bool
 ) -> FoundFormula:
     """The formula with its coefficients, and its effect on the held-out recordings."""
     evidence, base, terms = search.evidence, search.base, list(terms)
@@ -308,17 +304,13 @@ def _base_values(search: Search, added: np.ndarray) -> np.ndarray:
     if evidence.keeps:
         return np.asarray(evidence.model.theta)
     columns, force = (search.whitener(one) for one in (evidence.base, evidence.force - added))
-    size = np.linalg.norm(columns, axis=0)
-    size = np.where(size > 0.0, size, 1.0)
-    values = np.linalg.lstsq(columns / size, force, rcond=1e-9)[0] / size
-    return np.asarray(values[:p])
+    return least_squares(columns, force)[:p]
 
 
 # The formula in words and as a Python file.
 
 
 def _equation(evidence: Evidence, j: int, terms: Sequence[FormulaTerm]) -> str:
-    """For example a sin(q/0.03) + b q²."""
     told = []
     for name, one in zip(NAMES, terms, strict=False):
         about = "" if one.about == j else f"({evidence.joints[one.about]})"

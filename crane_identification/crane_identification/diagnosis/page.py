@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import binned_statistic
 
 from crane_identification.diagnosis import words
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.fit.evidence import Zone, normed, residual
+from crane_identification.diagnosis.fit.evidence import Zone, least_squares, residual
 from crane_identification.diagnosis.proof.proof import Finding
-from crane_identification.diagnosis.residuals import OF_NO_JOINT, energy_shares, on_rows, unit_of
+from crane_identification.diagnosis.residuals import OF_NO_JOINT, on_rows, unit_of
 from crane_identification.diagnosis.words import Content
 from crane_identification.notation import human, listed, percent, plain, spoken
 from crane_identification.report.content import Provenance
@@ -33,14 +34,12 @@ RESULTS = ("model.yaml", "findings.json")  # beside the page
 SHARED = "crane_identification.report"  # style and script of the identification report
 WINDOW = 25.0  # s of the held-out recording that is drawn
 WHATEVER: tuple[Variable, ...] = ("velocity",)  # shows that an effect depends on nothing
-BEFORE, AFTER, FLOOR, BEST, EFFECT = "--before", "--after", "--scatter", "--true-value", "--ink"
+BEFORE, AFTER, EFFECT = "--before", "--after", "--ink"
 CLOUD_POINTS = 1500  # of a cloud; more do not show
-HISTOGRAM_BARS = 40  # of a histogram
 CLOUD_MEANS = 40  # of the line of means through a cloud
 HEIGHT, LEGEND_HEIGHT = 240, 30  # px
-PATTERNS = {BEFORE: "/", BEST: "x", FLOOR: "."}
 DASHES = {BEFORE: "dot"}
-"""Of bars and lines, to tell them apart where there is no colour, as on paper; others are plain."""
+"""Of lines, to tell them apart where there is no colour; others are plain."""
 STRETCHING_MEDIANS = (
     5.0  # medians of the sizes of values, beyond which one does not stretch an axis
 )
@@ -86,19 +85,15 @@ def render(
         )
         for number, (entry, finding) in enumerate(zip(found, diagnosis.findings, strict=True), 1)
     ]
-    error = error_pictures(diagnosis)
-    where = [] if content["verdict"] in words.NOISE else [where_picture(diagnosis)]
     near = words.nearest_drawn(content["unknown"]) if content["unknown"] else None
     unknown = curves("unknown", near["curves"], "The nonparametric curve") if near else ()
-    shown = [*where, *error, *unknown, *(one for card in pictures for one in card)]
+    shown = [*unknown, *(one for card in pictures for one in card)]
     return rendered(
         __package__,
         {picture.key: picture.description for picture in shown},
         content=content,
         words=words,
         cards=list(zip(found, diagnosis.findings, pictures, strict=True)),
-        error_pictures=error,
-        where=where,
         unknown_pictures=unknown,
         name=diagnosis.before.name,
         units=diagnosis.before.setting.units,
@@ -140,7 +135,6 @@ def _usual(quantity: Content, missing: bool) -> str:
 
 
 def _untried(diagnosis: Diagnosis, entries: Sequence[Content]) -> list[tuple[str, str]]:
-    """Names and reasons of effects that were not tried."""
     names = {
         one.type: one.effect.name
         for one in (*diagnosis.search.untestable, *diagnosis.search.unobservable)
@@ -155,46 +149,6 @@ def _untried(diagnosis: Diagnosis, entries: Sequence[Content]) -> list[tuple[str
 
 
 # The pictures of all, and of one finding.
-
-
-def error_pictures(diagnosis: Diagnosis) -> list[Picture]:
-    """Force and simulated motion on the held-out recordings, before and after."""
-    gap = diagnosis.gap
-    added = diagnosis.after is not diagnosis.before
-    names = [spoken(joint) for joint in diagnosis.joints]
-    units = diagnosis.before.setting.units
-    small = dict.fromkeys({"rad": "mrad", "m": "mm"}[units[joint]] for joint in diagnosis.joints)
-    force = grouped_bars(
-        names,
-        (
-            ("before", BEFORE, 100 * gap.before),
-            *([("after", AFTER, 100 * gap.after)] if added else []),
-            ("learner", BEST, 100 * gap.best),
-            ("noise floor", FLOOR, 100 * gap.floor),
-        ),
-        "error of the force [% of its rms]",
-    )
-    motion = grouped_bars(
-        names,
-        (
-            ("before", BEFORE, 1e3 * gap.motion_before.position_rms),
-            *([("after", AFTER, 1e3 * gap.motion_after.position_rms)] if added else []),
-        ),
-        f"error after {gap.motion_before.horizon:.2g} s [{', '.join(small)}]",
-    )
-    text = "The table has its numbers."
-    return [
-        Picture("gap-force", "Force that the model does not explain", text, force),
-        Picture("gap-motion", "Simulated against measured motion", text, motion),
-    ]
-
-
-def where_picture(diagnosis: Diagnosis) -> Picture:
-    """Which joint carries what the model does not explain."""
-    names = [spoken(joint) for joint in diagnosis.joints]
-    shares = energy_shares(diagnosis.training, diagnosis.proof.before, diagnosis.gap)
-    bars = grouped_bars(names, (("share", BEFORE, 100 * shares),), "share of the unexplained [%]")
-    return Picture("where", "Which joint", "The list has its numbers.", bars)
 
 
 def curves(key: str, entries: Sequence[Content], title: str) -> tuple[Picture, ...]:
@@ -234,13 +188,6 @@ def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Pict
         *(
             _signature(diagnosis, f"signature-{number}-{place}", effect, channel, variable)
             for place, variable in enumerate(follows)
-        ),
-        Picture(
-            f"null-{number}",
-            "Score, against what chance gives",
-            f"Score {judged.score:.0f}, threshold {judged.threshold:.0f}, largest of "
-            f"{len(judged.null)} by chance {judged.null.max():.0f}.",
-            null_histogram(judged.null, judged.threshold, judged.score),
         ),
         folds(
             number,
@@ -339,7 +286,6 @@ def _held_out(diagnosis: Diagnosis, key: str, j: int) -> Picture:
 
 
 def _sizes(before: np.ndarray, after: np.ndarray, unit: str) -> str:
-    """Root mean squares in words."""
     if not np.isfinite(before).any():
         return "The joint rests there."
     rms = (float(np.sqrt(np.mean(values[np.isfinite(values)] ** 2))) for values in (before, after))
@@ -361,9 +307,8 @@ def _beside(diagnosis: Diagnosis, finding: Finding) -> np.ndarray:
     rest = np.concatenate([evidence.base[:, :, :known], *others], axis=2)
     effect = shaped.columns @ finding.added
     weight = np.broadcast_to(1.0 / _rms_left(diagnosis), effect.shape)[evidence.used]
-    scaled, norms = normed(rest[evidence.used] * weight[:, np.newaxis])
-    values = np.linalg.lstsq(scaled, effect[evidence.used] * weight, rcond=1e-9)[0] / norms
-    return effect - rest @ values
+    columns = rest[evidence.used] * weight[:, np.newaxis]
+    return effect - rest @ least_squares(columns, effect[evidence.used] * weight)
 
 
 def _shown(diagnosis: Diagnosis, effect: np.ndarray) -> np.ndarray:
@@ -407,70 +352,11 @@ def description(data: Sequence[Mapping[str, Any]], x: str, y: str, **more: Any) 
     return {"data": list(data), "layout": layout}
 
 
-def grouped_bars(
-    names: Sequence[str], groups: Sequence[tuple[str, str, np.ndarray]], title: str
-) -> dict[str, Any]:
-    """Bars side by side for each name: groups of (label, colour, values) [percent or so]."""
-    pattern = {"fillmode": "overlay", "fgcolor": "--paper", "size": 6, "solidity": 0.25}
-    data = [
-        {
-            "type": "bar",
-            "name": label,
-            "x": list(names),
-            "y": numbers(values),
-            "marker": {
-                "color": colour,
-                "pattern": {"shape": PATTERNS.get(colour, ""), **pattern},
-            },
-            "hovertemplate": f"%{{x}}: %{{y:.3~r}}<extra>{label}</extra>",
-        }
-        for label, colour, values in groups
-    ]
-    return description(data, "", title, barmode="group", bargap=0.3)
-
-
 def points(name: str, colour: str, symbol: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
     """A trace of small marks, without a line between them."""
     trace = _trace(name, colour, x, y, mode="markers")
     del trace["line"]
     return trace | {"marker": {"symbol": symbol, "color": colour, "size": 4, "opacity": 0.55}}
-
-
-def null_histogram(null: np.ndarray, threshold: float, score: float) -> dict[str, Any]:
-    """The best score when nothing is missing, the threshold and the score of the effect."""
-    top = 1.3 * max(score, threshold)
-    edges = np.geomspace(max(float(null.min()), 1e-3), top, HISTOGRAM_BARS + 1)
-    counts = np.histogram(null, edges)[0] / len(null)
-    high = float(counts.max())
-    bars = {
-        "type": "bar",
-        "name": "nothing missing",
-        "x": numbers(np.sqrt(edges[1:] * edges[:-1])),
-        "y": numbers(counts),
-        "width": numbers(np.diff(edges)),
-        "marker": {"color": FLOOR},
-        "hovertemplate": "%{x:.3~r}<extra>nothing missing</extra>",
-    }
-    marks = [
-        _mark("threshold", "--ink", threshold, (high, high), "dot", "top center"),
-        _mark("this effect", AFTER, score, (high, 0.7 * high), "solid", "middle left"),
-    ]
-    titles = "score (2 Δ log likelihood)", "share of bootstrap runs"
-    return description([bars, *marks], *titles, xaxis={"type": "log"})
-
-
-def _mark(
-    name: str, colour: str, x: float, heights: tuple[float, float], dash: str, side: str
-) -> dict[str, Any]:
-    """An upright line: heights of its end and of its name, which stands on that side of it."""
-    line = _trace(name, colour, np.full(3, x), np.array([0.0, *heights]), 2, dash, "lines+text")
-    return line | {
-        "text": ["", "", name],
-        "textposition": side,
-        "textfont": {**FONT, "color": colour},
-        "cliponaxis": False,
-        "hovertemplate": f"%{{x:.4~r}}<extra>{name}</extra>",
-    }
 
 
 def span(values: np.ndarray) -> tuple[float, float] | None:
@@ -518,7 +404,6 @@ def _trace(
     dash: str = "solid",
     mode: str = "lines",
 ) -> dict[str, Any]:
-    """A line or marks through points, as plotly.js has them."""
     return {
         "type": "scatter",
         "mode": mode,
@@ -532,9 +417,6 @@ def _trace(
 
 def _means(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Centres of bins over x (n,), and the mean of y (n,) in each; empty bins are left out."""
-    edges = np.linspace(x.min(), x.max(), CLOUD_MEANS + 1)
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, CLOUD_MEANS - 1)
-    count = np.bincount(place, minlength=CLOUD_MEANS)
-    means = np.bincount(place, y, CLOUD_MEANS) / np.maximum(count, 1)
-    there = count > 0
+    means, edges, _ = binned_statistic(x, y, bins=CLOUD_MEANS)
+    there = np.isfinite(means)
     return ((edges[1:] + edges[:-1]) / 2.0)[there], means[there]

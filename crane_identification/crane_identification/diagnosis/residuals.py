@@ -1,19 +1,47 @@
-"""Where a residual sits: the quantities that laws follow, and the range that carries most of it."""
+"""What a model leaves: where it sits, and what is known of it if nothing is named."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_identification.data.column_map import COUNTS
-from crane_identification.diagnosis.findings import FoundRegion
-from crane_identification.diagnosis.fit.evidence import Evidence, Features, way_since_turned
+from crane_identification.diagnosis.decision.judgement import Judged, held_out_gains
+from crane_identification.diagnosis.decision.signatures import signatures
+from crane_identification.diagnosis.findings import (
+    FoundCurve,
+    FoundDifference,
+    FoundRegion,
+    NearbySignature,
+    UnknownPlace,
+)
+from crane_identification.diagnosis.fit.evidence import (
+    MOST_SHARE,
+    VISIBLE_SHARE,
+    Evidence,
+    Features,
+    beside,
+    normed,
+    way_since_turned,
+)
 from crane_identification.diagnosis.fit.fit import Fitted
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.proof import Trial
+from crane_identification.diagnosis.search.search import (
+    ForceSignature,
+    Search,
+    explained,
+    strength_on,
+    strengths,
+    unexplained,
+    unexplained_on_joints,
+    widened,
+)
+from crane_identification.diagnosis.search.selection import NOTHING
+from crane_identification.thresholds import Thresholds
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
-from crane_model.terms import Setting
+from crane_model.terms import Setting, Term
 from crane_model.terms.gravity_and_load import BoomDirections
 from crane_model.terms.term import Variable
 
@@ -26,58 +54,48 @@ OF_NO_JOINT: frozenset[Variable] = frozenset(
     }
 )
 _BY = "a plot against it"
-_UNITS = {
-    "position": "{q}",
-    "velocity": "{q}/s",
-    "acceleration": "{q}/s2",
-    "way": "{q}",
-    "way since it turned": "{q}",
-    "force": "{f}",
-    "force against the motion": "{f}",
-    "rate of the force": "{f}/s",
-    "lead": "s",
-    "pressure sum": "Pa",
-    "pressure of chamber B": "Pa",
-    "valve command": "1",
-    "extension of the telescope": "m",
-    "inclination of the telescope": "rad",
-    "slew velocity": "rad/s",
-    "temperature": "°C",
-    "time": "s",
-    "recording": "1",
-}
-_READ: Mapping[Variable, Callable[[Record, int], np.ndarray]] = {
-    "position": lambda record, j: record.position[:, j],
-    "velocity": lambda record, j: record.velocity[:, j],
-    "acceleration": lambda record, j: record.acceleration[:, j],
-    "way since it turned": lambda record, j: way_since_turned(
-        record.position[:, j], record.velocity[:, j]
+_QUANTITIES: dict[str, tuple[str, Callable[[Record, int], np.ndarray] | None]] = {
+    "position": ("{q}", lambda record, j: record.position[:, j]),
+    "velocity": ("{q}/s", lambda record, j: record.velocity[:, j]),
+    "acceleration": ("{q}/s2", lambda record, j: record.acceleration[:, j]),
+    "way": ("{q}", None),
+    "way since it turned": (
+        "{q}",
+        lambda record, j: way_since_turned(record.position[:, j], record.velocity[:, j]),
     ),
-    "force": lambda record, j: record.needed("force", _BY)[:, j],
-    "force against the motion": lambda record, j: (
-        record.needed("force", _BY)[:, j] * record.direction[:, j]
+    "force": ("{f}", lambda record, j: record.needed("force", _BY)[:, j]),
+    "force against the motion": (
+        "{f}",
+        lambda record, j: record.needed("force", _BY)[:, j] * record.direction[:, j],
     ),
-    "rate of the force": lambda record, j: (
-        record.rate(record.needed("force", _BY)) if record.force_rate is None else record.force_rate
-    )[:, j],
-    "pressure sum": lambda record, j: (
-        record.needed("pressure_a", _BY) + record.needed("pressure_b", _BY)
-    )[:, j],
-    "pressure of chamber B": lambda record, j: record.needed("pressure_b", _BY)[:, j],
-    "slew velocity": lambda record, j: record.needed("slew_velocity", _BY),
-    "temperature": lambda record, j: record.needed("temperature", _BY),
-    "time": lambda record, j: record.time,
+    "rate of the force": ("{f}/s", lambda record, j: _rate_of_force(record)[:, j]),
+    "lead": ("s", None),
+    "pressure sum": (
+        "Pa",
+        lambda record, j: (record.needed("pressure_a", _BY) + record.needed("pressure_b", _BY))[
+            :, j
+        ],
+    ),
+    "pressure of chamber B": ("Pa", lambda record, j: record.needed("pressure_b", _BY)[:, j]),
+    "valve command": ("1", None),
+    "extension of the telescope": ("m", None),
+    "inclination of the telescope": ("rad", None),
+    "slew velocity": ("rad/s", lambda record, j: record.needed("slew_velocity", _BY)),
+    "temperature": ("°C", lambda record, j: record.needed("temperature", _BY)),
+    "time": ("s", lambda record, j: record.time),
+    "recording": ("1", None),
 }
-_OF_BOOMS: Mapping[Variable, Callable[[BoomDirections], np.ndarray]] = {
-    "extension of the telescope": lambda booms: booms.extension,
-    "inclination of the telescope": lambda booms: booms.psi,
-}
+"""Units, with those of the coordinate {q} and the force {f} of a joint, and how they are read."""
+
+
+def _rate_of_force(record: Record) -> np.ndarray:
+    known = record.force_rate
+    return record.rate(record.needed("force", _BY)) if known is None else known
 
 
 def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
-    """A variable (n,) of joint number j on the rows of the evidence.
-
-    `DataError` if it was not recorded, `ConfigurationError` if the machine is not of its kind.
+    """A variable (n,) of joint number j on the rows of the evidence. `DataError` if it was not
+    recorded, `ConfigurationError` if the machine is not of its kind.
     """
     if variable == "recording":
         return evidence.bag + 1.0
@@ -89,18 +107,24 @@ def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
 
 def read(variable: Variable, record: Record, setting: Setting, j: int) -> np.ndarray:
     """A variable (n,) of joint number j at the samples of a record; errors as of `on_rows`."""
-    if variable not in _OF_BOOMS:
-        return _READ[variable](record, j)
+    _, reader = _QUANTITIES[variable]
+    if reader is not None:
+        return reader(record, j)
     if setting.machine is None:
         raise ConfigurationError(f"{variable}: needs a machine, but the model has none")
-    return _OF_BOOMS[variable](BoomDirections.of(setting.machine, record))
+    booms = BoomDirections.of(setting.machine, record)
+    both = {
+        "extension of the telescope": booms.extension,
+        "inclination of the telescope": booms.psi,
+    }
+    return both[variable]
 
 
 def unit_of(name: str, joint: str | None, setting: Setting, counts: bool = False) -> str:
     """The unit of a quantity by its name without the joint; `counts` where sensors give these."""
     q = setting.units.get(joint or "", "")
     f = setting.force_unit(joint) if q and joint else ""
-    unit = _UNITS[name].format(q=q, f=f)
+    unit = _QUANTITIES[name][0].format(q=q, f=f)
     return COUNTS if counts and unit not in ("1", "s", "°C") else unit
 
 
@@ -114,23 +138,14 @@ def feature_unit(feature: str, setting: Setting, counts: bool = False) -> str:
 
 REGION_BINS = 10
 UNCHANGED_ERROR = 0.95  # of an error, above which effects did not lessen it
-REGION_SHARE = 0.5  # of the energy that the range must carry
 
 
-class Region(NamedTuple):
-    """`share` of the residual's energy sits where `variable` is within low..high."""
-
-    variable: str
-    low: float
-    high: float
-    share: float
-
-
-def region(known: Features, residual: np.ndarray, used: np.ndarray) -> Region | None:
-    """The quantity whose value says most about the residual (n,) of one joint; None without rows.
-
-    By the share of the variance that lies between bins of equal numbers of rows (correlation
-    ratio); the range is the narrowest run of bins with half of the energy.
+def region(
+    known: Features, residual: np.ndarray, used: np.ndarray, setting: Setting, counts: bool = False
+) -> FoundRegion | None:
+    """The quantity whose value says most about the residual (n,) of one joint, by the correlation
+    ratio over bins of equal numbers of rows, and the narrowest run of bins with half of the energy;
+    None without rows.
     """
     if used.sum() < 5 * REGION_BINS:
         return None
@@ -147,15 +162,20 @@ def region(known: Features, residual: np.ndarray, used: np.ndarray) -> Region | 
         power = np.bincount(place, energy, len(edges) - 1)
         between = float((count * mean**2).sum() / max(energy.sum(), np.finfo(float).tiny))
         if between > best:
-            best, chosen = between, Region(name, *_narrowest(edges, power))
-    return chosen
+            best, chosen = between, (name, edges, power)
+    if chosen is None:
+        return None
+    name, edges, power = chosen
+    low, high, share = _narrowest(edges, power)
+    unit = feature_unit(name, setting, counts)
+    return FoundRegion(variable=name, range=(low, high), unit=unit, share=share)
 
 
 def _narrowest(edges: np.ndarray, power: np.ndarray) -> tuple[float, float, float]:
     total = max(float(power.sum()), np.finfo(float).tiny)
     for width in range(1, len(power) + 1):
         sums = np.convolve(power, np.ones(width), "valid") / total
-        if sums.max() >= REGION_SHARE or width == len(power):
+        if sums.max() >= MOST_SHARE or width == len(power):
             first = int(sums.argmax())
             return float(edges[first]), float(edges[first + width]), float(sums.max())
     raise AssertionError("the whole range carries everything")
@@ -165,22 +185,15 @@ def regions(fit: Fitted, trial: Trial) -> tuple[FoundRegion | None, ...]:
     """Where the residual of each joint sits."""
     known, used = fit.evidence.moving.known, fit.evidence.used
     setting, counts = fit.before.setting, bool(fit.uncalibrated)
-    found = (region(known, trial.residual[:, j], used[:, j]) for j in range(len(fit.before.joints)))
     return tuple(
-        one
-        and FoundRegion(
-            variable=one.variable,
-            range=(one.low, one.high),
-            unit=feature_unit(one.variable, setting, counts),
-            share=one.share,
-        )
-        for one in found
+        region(known, trial.residual[:, j], used[:, j], setting, counts)
+        for j in range(len(fit.before.joints))
     )
 
 
 def energy_shares(evidence: Evidence, trial: Trial, gap: Gap) -> np.ndarray:
-    """Share (j,) of the energy beyond noise that each joint carries; none where the error is no
-    larger than the scatter between periods, and no effect lessens it.
+    """Share (j,) of the energy beyond noise that each joint carries; none if the error is no larger
+    than the scatter between periods, and no effect lessens it.
     """
     channels = np.maximum(trial.energy - evidence.used.sum(axis=0), 0.0)
     beyond = channels.reshape(-1, len(evidence.joints)).sum(axis=0)
@@ -190,12 +203,158 @@ def energy_shares(evidence: Evidence, trial: Trial, gap: Gap) -> np.ndarray:
     return beyond / total if total > 0.0 else np.zeros_like(beyond)
 
 
-def correlation_left(evidence: Evidence, trial: Trial) -> np.ndarray:
-    """Correlation (j,) of neighbouring rows of what is left; 0 for white noise."""
-    seen = evidence.moving
-    left = trial.residual[:, : len(seen.joints)]
-    both = seen.used[1:] & seen.used[:-1] & (np.diff(seen.run) == 0)[:, np.newaxis]
-    product = np.where(both, left[1:] * left[:-1], 0.0).sum(axis=0)
-    power = np.where(seen.used, left**2, 0.0).sum(axis=0)
-    share = both.sum(axis=0) / np.maximum(seen.used.sum(axis=0), 1)
-    return product / np.maximum(power * share, np.finfo(float).tiny)
+# What is known of an unknown force: size, what it may follow, and in which recordings.
+
+LISTED_SIGNATURES = 3  # the best ones
+DIFFERING_RATIO = 2.0  # times the median of the recordings, from which one differs
+SINGULAR_SHARE = 1e-8  # of the largest eigenvalue, up to which a combination of columns is none
+
+
+def unknown_force(search: Search, j: int, counts: bool = False) -> UnknownPlace:
+    """What is known of the residual of joint number j before anything is added; with `counts`, in
+    units of sensors that are not calibrated.
+    """
+    joint, beyond = search.evidence.joints[j], float(unexplained_on_joints(search, NOTHING)[j])
+    near = [_near(search, one, beyond, counts) for one in signatures(search, joint)]
+    near.sort(key=lambda one: -(one.explained_share or 0.0))
+    return UnknownPlace(
+        joint=joint,
+        relative_magnitude=float(strengths(search, unexplained(search, NOTHING))[j]),
+        signatures=near[:LISTED_SIGNATURES],
+        recordings=_differing(search, j),
+        difference=_difference(search, j, beyond, counts),
+    )
+
+
+def left_elsewhere(
+    search: Search,
+    effects: Sequence[Judged],
+    threshold: float,
+    thresholds: Thresholds,
+    counts: bool = False,
+) -> tuple[UnknownPlace, ...]:
+    """What `effects` leave on each joint where none of them acts, largest first, if one of its
+    signatures explains more than the `threshold` and more than the errors of the processing.
+    """
+    joints = search.evidence.joints
+    acted = {j for one in effects for j in one.shaped.joints(joints)}
+    elsewhere = [j for j in range(len(joints)) if j not in acted]
+    if not elsewhere:
+        return ()
+    left = widened(search, np.concatenate([one.shaped.columns for one in effects], axis=2))
+    beyond = unexplained_on_joints(left, NOTHING)
+    found = []
+    for j in elsewhere:
+        gains = [explained(left, one.columns) for one in signatures(left, joints[j])]
+        most = min(max(gains, default=0.0), float(beyond[j]))
+        strong = strength_on(left, most, j) >= thresholds.gates.smallest_strength
+        if most > threshold and strong:
+            found.append(unknown_force(left, j, counts))
+    return tuple(sorted(found, key=lambda one: -(one.relative_magnitude or 0.0)))
+
+
+def curves_of(
+    term: Term, joint: str, setting: Setting, values: np.ndarray, std_devs: np.ndarray, counts: bool
+) -> list[FoundCurve]:
+    """The nonparametric curves of a term, one for each factor, by its `values` (k,)."""
+    parameters = term.parameters(setting)
+    pairs = zip(term.curves(values), term.curves(std_devs), strict=True)
+    return [
+        FoundCurve(
+            variable=curve.variable,
+            variable_unit=unit_of(curve.variable, joint, setting, counts),
+            knots=list(curve.knots),
+            values=curve.values.tolist(),
+            std_devs=spread.values.tolist(),
+            unit=as_counted(parameters[k].unit, counts),
+            times=curve.times,
+        )
+        for k, (curve, spread) in enumerate(pairs)
+    ]
+
+
+def as_counted(unit: str, counts: bool) -> str:
+    """The unit of a parameter if sensors give counts."""
+    return COUNTS if counts and unit != "1" else unit
+
+
+class Solved(NamedTuple):
+    """Values (k,), least if columns coincide, their standard deviations, and 2 dlogL gained."""
+
+    values: np.ndarray
+    std_devs: np.ndarray
+    gain: float
+
+
+def solved(search: Search, rest: np.ndarray) -> Solved:
+    """Least squares of whitened columns (N, k), of which there is this `rest` beside the base."""
+    scaled, norms = normed(rest)
+    spread = np.linalg.pinv(scaled.T @ scaled, rcond=SINGULAR_SHARE, hermitian=True)
+    score = scaled.T @ search.base.residual
+    std_devs = np.sqrt(np.maximum(np.diag(spread), 0.0)) / norms
+    return Solved(spread @ score / norms, std_devs, float(score @ spread @ score))
+
+
+def _near(search: Search, one: ForceSignature, beyond: float, counts: bool) -> NearbySignature:
+    gains, _ = held_out_gains(search, (), one.columns)
+    asked = gains[np.isfinite(gains)]
+    return NearbySignature(
+        signature=one.said,
+        effects=list(one.types),
+        explained_share=min(explained(search, one.columns) / max(beyond, 1.0), 1.0),
+        better=int((asked > 0.0).sum()),
+        asked=len(asked),
+        curves=_best_curves(search, one, counts),
+    )
+
+
+def _best_curves(search: Search, one: ForceSignature, counts: bool) -> list[FoundCurve]:
+    best = solved(search, beside(search.base.basis, search.whitener(one.columns)))
+    setting = search.evidence.model.setting
+    joint = one.term.only_joint or ""
+    return curves_of(one.term, joint, setting, best.values, best.std_devs, counts)
+
+
+def _differing(search: Search, j: int) -> dict[str, float]:
+    """Recordings with a far larger residual of joint number j: rms over the median of all."""
+    evidence, white = search.evidence, search.whitener
+    own = white.channel % len(evidence.joints) == j
+    bag = evidence.bag[white.row[own]]
+    power = np.bincount(bag, search.base.residual[own] ** 2, len(evidence.sources))
+    rms = np.sqrt(power / np.maximum(np.bincount(bag, minlength=len(evidence.sources)), 1))
+    middle = max(float(np.median(rms)), np.finfo(float).tiny)
+    pairs = zip(evidence.sources, (rms / middle).tolist(), strict=True)
+    return {name: ratio for name, ratio in pairs if ratio > DIFFERING_RATIO}
+
+
+def _difference(search: Search, j: int, beyond: float, counts: bool) -> FoundDifference | None:
+    """The parameter whose column explains most of joint number j if each recording has its own
+    value; None if that is less than most of the energy `beyond` noise.
+    """
+    evidence, white = search.evidence, search.whitener
+    parameters, sources = evidence.model.parameters, evidence.sources
+    own = white.channel % len(evidence.joints) == j
+    columns = white(evidence.base[:, :, : len(parameters)]) * own[:, np.newaxis]
+    there = evidence.bag[white.row][:, np.newaxis] == np.arange(len(sources))
+    tried = {
+        int(i): _changes(search, columns[:, [i]] * there)
+        for i in np.flatnonzero(columns.any(axis=0))
+    }
+    i = max(tried, key=lambda number: tried[number].gain, default=-1)
+    if len(sources) < 2 or i < 0 or tried[i].gain < MOST_SHARE * beyond:
+        return None
+    best = tried[i]
+    return FoundDifference(
+        parameter=parameters[i].name,
+        unit=as_counted(parameters[i].unit, counts),
+        explained_share=min(best.gain / max(beyond, 1.0), 1.0),
+        changes=dict(zip(sources, best.values.tolist(), strict=True)),
+        std_devs=dict(zip(sources, best.std_devs.tolist(), strict=True)),
+    )
+
+
+def _changes(search: Search, columns: np.ndarray) -> Solved:
+    """One column of each recording (N, recordings): values, least from those of all."""
+    rest = beside(search.base.basis, columns)
+    rest[:, np.linalg.norm(rest, axis=0) <= VISIBLE_SHARE * np.linalg.norm(columns, axis=0)] = 0.0
+    return solved(search, rest)

@@ -55,9 +55,8 @@ CLEAR_SIGMAS = 3.0  # from which a recording differs from the others
 
 
 class PrintedParameter(NamedTuple):
-    """A parameter as it is printed: numbers in units that people read, or why there is none.
-
-    `change`: what was added to the value before, and that one; empty where there was none.
+    """A parameter as it is printed, or why there is no number. `change`: what was added to the
+    value before, and that one.
     """
 
     name: str
@@ -68,11 +67,9 @@ class PrintedParameter(NamedTuple):
 
     @property
     def deviation(self) -> str:
-        """The standard deviation behind the value; empty where there is none."""
         return "" if self.std_dev == NONE else f"± {self.std_dev}"
 
     def __str__(self) -> str:
-        """In one line."""
         parts = (f"{self.name} =", self.value, self.deviation, self.unit)
         line = " ".join(part for part in parts if part)
         return f"{line} ({self.change})" if self.change else line
@@ -145,10 +142,7 @@ def motion(content: Content, units: Mapping[str, str]) -> Iterator[tuple[str, st
         before, after = (
             plain(1e3 * _number(side["motion_error"])) for side in (old, error["after"][joint])
         )
-        yield (
-            before + (unit if before != NONE else ""),
-            after + (unit if after != NONE else ""),
-        )
+        yield (before + (unit if before != NONE else ""), after + (unit if after != NONE else ""))
 
 
 def commanded(content: Content) -> Iterator[tuple[str, list[str]]]:
@@ -302,7 +296,7 @@ def disagrees(content: Content) -> Iterator[tuple[str, str]]:
 
 def left(content: Content) -> str:
     """What kind of residual is left, and where a systematic one sits."""
-    systematic, errors, colours = [], [], []
+    systematic, errors = [], []
     for joint, one in content["left"].items():
         if one["systematic"]:
             where = f", most with {region(one['region'])}" if one["region"] else ""
@@ -312,11 +306,8 @@ def left(content: Content) -> str:
             )
         elif one["beyond_noise"]:
             errors.append(f"the {spoken(joint)}")
-        elif not one["white"]:
-            colours.append(f"the {spoken(joint)}")
     kinds = systematic + ([f"more than noise on {listed(errors)}"] if errors else [])
-    kinds += [f"coloured noise on {listed(colours)}"] if colours else []
-    return listed(kinds) if kinds else "white noise"
+    return listed(kinds) if kinds else "noise"
 
 
 def named_from(content: Content) -> list[str]:
@@ -426,7 +417,6 @@ def _against(one: Content, first: Content) -> str:
 
 
 def _recordings(unknown: Content) -> Iterator[str]:
-    """In which recordings the force is larger, and what differs between them."""
     differing = [f"{name} ({ratio:.1f} times)" for name, ratio in unknown["recordings"].items()]
     if differing:
         yield f"it is far larger than in most recordings in {listed(differing)}"
@@ -445,7 +435,6 @@ def _recordings(unknown: Content) -> Iterator[str]:
 
 
 def _formula(unknown: Content) -> Iterator[str]:
-    """A short formula that explains it, and how to add it."""
     if one := unknown.get("formula"):
         values = ", ".join(str(estimate(each)) for each in one["parameters"])
         yield (
@@ -496,10 +485,7 @@ def lines(content: Content) -> list[str]:
         ("Nearest of the catalogue", nearest(content)),
         ("Your own terms that are not named", own_terms(content)),
         (unknown_title(content), unknown(content)),
-        (
-            "Friction that may be there unseen, at rest and at reversals",
-            partly_seen(content),
-        ),
+        ("Friction that may be there unseen, at rest and at reversals", partly_seen(content)),
         ("Where the model disagrees", [f"{one}: {text}" for one, text in disagrees(content)]),
     ):
         out += [f"{title}:", *(f"  {line}" for line in block)] if block else []
@@ -511,8 +497,8 @@ def lines(content: Content) -> list[str]:
     ):
         if content[key]:
             out.append(f"{name}: {', '.join(content[key])}")
-    if fallback := content.get("clock", {}).get("reason"):
-        out.append(f"No time of a session: {fallback}")
+    if content["clock"]:
+        out.append(f"No time of a session: {content['clock']}")
     counted = (
         ("effects that hide behind the parameters of the model", content["not_testable"]),
         ("effects that are not observable in these recordings", content["not_observable"]),
@@ -530,7 +516,6 @@ def next_step(content: Content, folder: Path) -> list[str]:
 
 
 def _error_lines(content: Content) -> Iterator[str]:
-    """The held-out errors, and the motion that valve commands alone bring about."""
     both = ", before → after" if added(content) else ""
     yield f"Held-out error of the force{both} (scatter between periods, flexible learner):"
     for one in errors(content):
@@ -567,5 +552,4 @@ def _step(before: float | None, after: float | None) -> str:
 
 
 def _number(value: float | None) -> float:
-    """NaN for what JSON has no number for."""
     return nan if value is None else value

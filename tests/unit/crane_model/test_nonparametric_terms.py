@@ -54,16 +54,6 @@ def test_a_straight_shape_goes_on_beyond_its_knots() -> None:
     np.testing.assert_allclose(hats(x, KNOTS, straight=True) @ values, expected, atol=1e-12)
 
 
-def test_a_shape_that_rises_is_its_steps_from_knot_to_knot() -> None:
-    """As whoever asks whether it does takes it: 0 at the first knot alone, with one factor."""
-    drawn = [cls for cls in REGISTRY.values() if issubclass(cls, NonparametricTerm)]
-    rising = [cls for cls in drawn if cls.rises]
-    assert rising == [NonparametricPositionForce]
-    for cls in rising:
-        assert cls.kept == tuple(range(1, len(cls.spacing)))
-        assert len(cls.times) == 1
-
-
 @pytest.mark.parametrize("name", OF_ONE_INSTANT)
 def test_a_drawn_law_is_its_values_at_the_knots_times_its_factors(name: str) -> None:
     """By scipy's interpolation through the curves that it draws, zeros and all."""

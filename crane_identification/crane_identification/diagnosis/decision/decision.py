@@ -29,8 +29,6 @@ from crane_identification.diagnosis.decision.several import (
 from crane_identification.diagnosis.decision.signatures import (
     as_drawn,
     best_beside,
-    covered,
-    is_drawn,
     judged_beside,
     of_better_signature,
     start_beside,
@@ -44,10 +42,9 @@ from crane_identification.thresholds import Thresholds
 
 @dataclass(frozen=True)
 class Decision:
-    """The effects that the data ask for, strongest first, and the `threshold` of the first one.
-
-    Where there are none, `nearest` is the best of the catalogue, if one has the right sign, and
-    `rejections` are the tests that it does not pass. `beyond` is what the catalogue does not hold.
+    """The effects that passed, strongest first, and the `threshold` of the first one. If there are
+    none, `nearest` is the best of the catalogue with the tests that it does not pass. `beyond` is
+    what the catalogue does not hold.
     """
 
     passed: tuple[Judged, ...]
@@ -58,10 +55,10 @@ class Decision:
 
 
 def decide(selection: ForwardSelection, thresholds: Thresholds) -> Decision:
-    """The largest set all of whose effects pass, beside those that several joints lack at once or,
-    where the force of a joint is scaled, beside lengths that are not those of the file.
+    """The largest set all of whose effects pass, with those that several joints lack at once or, if
+    the force of a joint is scaled, beside lengths that are not those of the file.
     """
-    _, first_threshold = by_chance(selection.search, NOTHING, thresholds)
+    first_threshold = by_chance(selection.search, NOTHING, thresholds)
     passed = settled = _together(selection, first_threshold, thresholds)
     first: _Weighed | None = None
     for one in _growing(selection, settled, first_threshold, thresholds):
@@ -98,9 +95,8 @@ def _growing(
     thresholds: Thresholds,
 ) -> Iterator[_Weighed]:
     """Yield the best set of one effect more than the `settled` ones, then of two more, and so on.
-
-    Effects that do not pass are refused, and the best set without them is weighed, until no set
-    gains more than chance, or than the form of the strongest effect may leave.
+    Effects that do not pass are refused, until no set gains more than chance, or than the form of
+    the strongest effect may leave.
     """
     known, passed = len(settled), settled
     while len(passed) < known + LARGEST_SET:
@@ -121,8 +117,8 @@ def _growing(
 
 
 def left_by_forms(passed: Sequence[Judged], thresholds: Thresholds) -> float:
-    """Gain that the strongest of these effects leaves where its form is not the machine's, at most;
-    0 if none has a form.
+    """Gain that the strongest of these effects leaves at most if its form is not the machine's; 0
+    if none has a form.
     """
     most = max((one.score for one in passed if not _scales(one)), default=0.0)
     return thresholds.method.elsewhere_share * most
@@ -151,10 +147,7 @@ def _weighed(
     threshold: float,
     thresholds: Thresholds,
 ) -> _Weighed:
-    """The effects of a set by every test; not those that are `settled` and scales, or drawn.
-
-    A set of which one effect is but the form of another is not weighed further.
-    """
+    """The effects of a set by every test; `settled` scales and curves are not tested again."""
     known = len(settled)
     subset = simplest(search, best, thresholds, threshold, known)
     subset = smallest(search, subset, threshold)
@@ -162,11 +155,11 @@ def _weighed(
     if several and of_one_form(search, subset, threshold, thresholds, known):
         return _Weighed((), (Rejection(Reason.FORM),))
     subset, strange = of_better_signature(search, subset, thresholds, known)
-    if several and covered(search, subset, thresholds, known):
-        return _Weighed((), (Rejection(Reason.CURVE),))
     found = judged_beside(search, subset, settled, thresholds)
     asked = [
-        one for k, one in enumerate(found) if k >= known or not (_scales(one) or is_drawn(one))
+        one
+        for k, one in enumerate(found)
+        if k >= known or not (_scales(one) or one.shaped.candidate.drawn)
     ]
     wrong = [why for one in asked if (why := objection(one, thresholds))] or strange
     weakest = min(found[known:], key=lambda one: one.score)
@@ -176,7 +169,6 @@ def _weighed(
 
 
 def _refused(one: _Weighed) -> Beyond:
-    """What is not chance, but may not be named either."""
     labels = tuple(each.shaped.candidate.label for each in one.found)
     return Beyond(effects=labels, rejections=one.rejections)
 
@@ -194,12 +186,10 @@ def _beside_lengths(
     thresholds: Thresholds,
 ) -> tuple[Judged, ...]:
     """What passes beside lengths of all links and the scales of two joints' forces, which stand for
-    those of all; these as well, as far as they pass. If nothing does, what passes beside lengths of
-    links alone, where that explains more than the scales.
+    those of all; these as well, as far as they pass.
 
     Lengths that are not those of the file are so on each joint. With one scale alone, what the
-    others leave blurs a further effect, and may be taken for it. Whether each scale is sure, and
-    which they are, is nothing to a further effect.
+    others leave may be taken for a further effect.
     """
     search = selection.search = beside_lengths(selection.search)
     named = search.together(one.shaped for one in passed if _scales(one))
@@ -208,19 +198,14 @@ def _beside_lengths(
     selection.go_on_from(scales)
     settled = tuple(all_judged(selection.search, scales, thresholds))
     found = _largest(_growing(selection, settled, threshold, thresholds), settled)
-    if len(found) == len(settled):
-        selection.go_on_from(NOTHING)
-        other = _largest(_growing(selection, (), threshold, thresholds), ())
-        together = selection.search.together(one.shaped for one in other)
-        found = other if together.gain - scales.gain > threshold else found
     return _sure(selection, found, thresholds) or passed
 
 
 def _sure(
     selection: ForwardSelection, found: tuple[Judged, ...], thresholds: Thresholds
 ) -> tuple[Judged, ...]:
-    """The effects without scales that do not pass, and without the weaker one of two where one of
-    them cannot be told from what is no scale; judged without them.
+    """The effects without scales that do not pass, and without the weaker one of two if one of them
+    is indistinct from what is no scale; judged without them.
     """
     scales = sorted((one for one in found if _scales(one)), key=lambda one: one.score)
     out = [one for one in scales if objection(one, thresholds)]
@@ -233,22 +218,19 @@ def _sure(
 
 
 def _mistakable(one: Judged) -> bool:
-    """Whether a scale cannot be told from an effect that is none."""
     return not all(other.effect.formless for other in one.indistinct)
 
 
 def _scales(one: Judged) -> bool:
-    """Whether an effect is a factor of the force of a joint, as lengths that are off make it."""
+    """Whether an effect is a factor of the force of a joint, as wrong lengths make it."""
     return one.shaped.candidate.effect.formless
 
 
 def _together(
     selection: ForwardSelection, threshold: float, thresholds: Thresholds
 ) -> tuple[Judged, ...]:
-    """What several joints lack at once, each judged beside the rest; the selection goes on there.
-
-    None where one effect, or what scales the forces of two joints, explains about as much: what it
-    leaves is for the selection.
+    """Effects that several joints lack at once, each judged beside the rest; none if one effect, or
+    scales of the forces of two joints, explains about as much.
     """
     search = selection.search
     subset = on_several_joints(search, threshold, thresholds)
@@ -267,7 +249,7 @@ def _together(
 
 
 def objection(one: Judged, thresholds: Thresholds) -> Rejection | None:
-    """Which test an effect does not pass; None if it passes all."""
+    """The test that an effect does not pass; None if it passes all."""
     if one.score <= one.threshold:
         return Rejection(Reason.SCORE, one.score, one.threshold)
     scales = _scales(one)  # what is usual of it says its value
@@ -287,8 +269,7 @@ def _shows(one: Judged, thresholds: Thresholds) -> bool:
 
 
 def _vague(one: Judged, thresholds: Thresholds) -> bool:
-    """Whether a further effect is no better than others that look different.
-
-    That is what remains where the first one has another form than the catalogue gives it.
+    """Whether a further effect is no better than others that look different, as remains if the
+    first one has another form.
     """
-    return bool(one.indistinct) and one.correlation < thresholds.method.distinct_correlation
+    return bool(one.indistinct) and one.correlation < thresholds.method.form_correlation

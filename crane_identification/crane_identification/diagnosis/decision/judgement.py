@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import Evidence, beside, leading
+from crane_identification.diagnosis.fit.evidence import TINY, Evidence, beside, leading
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import (
     NOTHING,
+    SINGULAR_SHARE,
     BesideSet,
     Projection,
     Subset,
@@ -34,8 +35,8 @@ def null_gains(
 ) -> np.ndarray:
     """(replicates,) largest gain of any candidate beside those with these numbers, from noise.
 
-    Parametric bootstrap: the noise of whitened rows is white, so that the inner products with the
-    columns are jointly normal with their Gram matrix as covariance, and need no rows at all.
+    Parametric bootstrap: scores of white noise are jointly normal with the Gram matrix as
+    covariance.
     """
     inside = np.array([c for i in numbers for c in projection.columns_of[i]], dtype=int)
     beside_set = BesideSet(projection, inside)
@@ -61,11 +62,11 @@ def null_gains(
     return totals.max(axis=0)
 
 
-def by_chance(search: Search, before: Subset, thresholds: Thresholds) -> tuple[np.ndarray, float]:
-    """The gains (replicates,) that chance adds to a set, and the gain asked of an effect there."""
+def by_chance(search: Search, before: Subset, thresholds: Thresholds) -> float:
+    """The gain asked of an effect beside a set: more than chance adds to the set."""
     null = null_gains(search.projection, before.numbers)
     level = 1.0 - thresholds.method.false_alarm_rate / 2.0
-    return null, thresholds.gates.score_factor * float(np.quantile(null, level))
+    return thresholds.gates.score_factor * float(np.quantile(null, level))
 
 
 # Whether an effect improves the prediction of recordings that it was not fitted to. Only recordings
@@ -76,8 +77,6 @@ TIME_BLOCKS = 6
 HELD_SHARE = 0.2
 """Share of a direction's norm that the other folds must hold to determine its coefficient: the
 noise that the fold is predicted with because of it is then five times that of a row at most."""
-TINY = np.finfo(float).tiny
-ROUNDING_SHARE = 1e-6  # share of a column's norm beside the others, below which it is one of them
 ACTING_SHARE = 0.1
 """Share of what a recording would have of the energy of an effect if all had the same, from which
 on it acts there."""
@@ -103,8 +102,8 @@ def folds(evidence: Evidence) -> Folds:
 
 
 def folds_of(evidence: Evidence, whitener: Whitener, force: np.ndarray) -> Folds:
-    """Those in which an effect of this `force` (n, c) acts: recordings or, of too few of these,
-    blocks of time within them, each with as much of its energy. All where it acts but once.
+    """The folds in which an effect of this `force` (n, c) acts: recordings or, of too few of these,
+    blocks of time within them, each with as much of its energy; all if it acts but once.
     """
     every = folds(evidence)
     if len(evidence.sources) < FEWEST_BAGS:
@@ -135,10 +134,8 @@ def _blocks(block: np.ndarray, count: int) -> Folds:
 def held_out_gains(
     search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Gain in 2 log L on each held-out fold if the columns `added` (n, c, k) join the model and
-    the `rest` (n, c, k each), and the names of the folds; only folds `asked`, if given.
-
-    NaN for a fold if the other folds cannot separate the added columns from the rest.
+    """Gain in 2 log L on each held-out fold if the columns `added` (n, c, k) join the `rest` (n, c,
+    k each), and the names of the folds; NaN if the other folds do not determine them.
     """
     evidence, whitener = search.evidence, search.whitener
     fold, names = asked or folds(evidence)
@@ -150,17 +147,17 @@ def held_out_gains(
 
 
 def gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
-    """What the whitened columns `added` (N, k) gain on the rows `out` (N,), fitted to the others.
+    """What the whitened columns `added` (N, k) gain on the rows `out` (N,), fitted to the others;
+    NaN if the others do not determine them.
 
-    NaN where the others do not determine them. Directions of the orthonormal columns `known` (N, d)
-    that the others do not determine, as a nuisance of one recording, are taken out of both sides:
-    nothing predicts them. So are columns that are in those rows alone, as a load which no other
-    recording carries: the rest is predicted better where the others have theirs.
+    Directions of the orthonormal `known` (N, d) that the others do not determine are taken out of
+    both sides, and so are columns that are in those rows alone, as a load that no other recording
+    carries.
     """
     alone = ~added[~out].any(axis=0) & added[out].any(axis=0)
     private, added = added[:, alone], added[:, ~alone]
     rest = beside(known, added)
-    own = np.linalg.norm(rest, axis=0) > ROUNDING_SHARE * np.linalg.norm(added, axis=0)
+    own = np.linalg.norm(rest, axis=0) > SINGULAR_SHARE * np.linalg.norm(added, axis=0)
     new = leading(rest[:, own], added.shape[1])
     # Orthonormal columns keep their principal directions on any rows and on the others.
     power, directions = np.linalg.eigh(known[~out].T @ known[~out])
@@ -183,21 +180,14 @@ def gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarra
 
 
 def _left(inside: np.ndarray, outside: np.ndarray, count: int) -> float:
-    """Sum of squares of the last column outside that its fit by the first `count` inside leaves.
-
-    Those are far from combinations of each other.
-    """
+    """Sum of squares of the last column outside that its fit by the first `count` inside leaves."""
     gram = inside[:, :count].T @ inside[:, :count]
     values = np.linalg.solve(gram, inside[:, :count].T @ inside[:, -1])
     return float(((outside[:, -1] - outside[:, :count] @ values) ** 2).sum())
 
 
 def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
-    """Whether an effect improves the prediction of recordings that it was not fitted to.
-
-    In all folds (NaN: not asked) but a few; of four and more, one may differ in something else.
-    Folds are counted: how much one of them gains or loses decides nothing.
-    """
+    """Whether an effect improves the prediction in all folds (NaN: not asked) but a few."""
     asked, method = gains[np.isfinite(gains)], thresholds.method
     failed = int((asked <= 0.0).sum())
     allowed = max(
@@ -237,10 +227,8 @@ def same_effect(one: Candidate, other: Candidate) -> bool:
 
 def likeness(search: Search, one: int, others: Sequence[int]) -> np.ndarray:
     """Cosines (m,) of the largest angles between the columns of one candidate and those of each of
-    m others, after projection on the complement of the base.
-
-    Each column of the candidate with fewer columns is fitted by the other candidate, within the
-    signs that its parameters may have; the column that is fitted worst counts.
+    m others, beside the base: of the column that the other fits worst, within the signs of its
+    parameters.
     """
     projection, out = search.projection, np.full(len(others), np.inf)
     own, gram, free = projection.columns_of[one], projection.gram, ~projection.positive
@@ -274,9 +262,7 @@ def _least_canonical(gram: np.ndarray, one: np.ndarray, other: np.ndarray) -> fl
 def _followed(
     projection: Projection, sign: float, column: np.ndarray, others: np.ndarray
 ) -> np.ndarray:
-    """Cosines (m,) between columns (m,) of that sign and the nearest forces that others (m, k) can
-    have.
-    """
+    """Cosines (m,) between columns (m,) of that sign and the nearest forces of others (m, k)."""
     inner = sign * projection.gram[others, column[:, np.newaxis]]
     blocks = projection.gram[others[:, :, np.newaxis], others[:, np.newaxis]]
     values, apart = constrained(blocks, inner, projection.positive[others])
@@ -287,10 +273,8 @@ def _followed(
 def simplest(
     search: Search, subset: Subset, thresholds: Thresholds, threshold: float, settled: int = 0
 ) -> Subset:
-    """The set with effects replaced by simpler ones that they are no better than. The first ones,
-    `settled`, stay.
-
-    Presliding over no way and a Stribeck curve without end are Coulomb friction.
+    """The set with effects, but the first `settled`, replaced by simpler ones that they are no
+    better than: a Stribeck curve without end is Coulomb friction.
     """
     method = thresholds.method
     for place in range(settled, len(subset.numbers)):
@@ -320,7 +304,6 @@ class Reason(Enum):
     STRENGTH = "strength"  # [rms over that of the drive force; that of processing errors]
     HELD_OUT = "held-out parts"  # [parts that it predicts better; parts that it was not fitted to]
     FORM = "form of another effect"  # what another model form of a stronger effect would leave
-    CURVE = "curve of another effect"  # some nonparametric curve of a stronger effect explains it
     RIVALS = "rivals"  # effects that look different are as good
     SIGNATURE = "signature"  # another signature explains more than any curve of the effect
     CLOSED = "closed"  # [share of the held-out gap that it closes; share that is asked for]
@@ -337,10 +320,8 @@ class HeldOutChange(NamedTuple):
 
 
 class Rejection(NamedTuple):
-    """A test that an effect does not pass, what was `measured`, and the `limit`.
-
-    `about`: labels of effects, or signatures, that are compared; `errors`: held-out errors of the
-    joints that an effect acts on.
+    """A test that an effect does not pass, what was `measured`, and the `limit`. `about`: labels of
+    effects or signatures that are compared; `errors`: held-out errors where the effect acts.
     """
 
     reason: Reason
@@ -351,15 +332,12 @@ class Rejection(NamedTuple):
 
 
 class Beyond(NamedTuple):
-    """Something that is missing and that no effect of the catalogue may be named for.
-
-    Either a `signature` on a `joint` that no effect has (it `falls` where the model forms of its
-    effect rise), or `effects`, by their labels, that a test rejects though they are not chance.
+    """A `signature` on a `joint` that no effect has, or `effects`, by their labels, that a test
+    rejects though they are not chance.
     """
 
     joint: str = ""
     signature: str = ""
-    falls: bool = False
     effects: tuple[str, ...] = ()
     rejections: tuple[Rejection, ...] = ()
 
@@ -376,18 +354,16 @@ class Rival(NamedTuple):
 class Judged:
     """An effect that was weighed against chance, held-out recordings and others in its place.
 
-    `score`: 2 dlogL that the set loses without it; `threshold` and `null` (replicates,) of the best
-    score when nothing is missing; `held_out` gains of the folds `fold_names`. `runner_up`: the best
-    candidate in its place, `margin` behind by, where `needed` is asked for; `indistinct`: all that
-    cannot be told from it; `rivals`: all that are not but the same with more freedom. `strength`:
-    rms of what it explains over that of its joint's force; `correlation` of the runner-up's columns
-    with its own, beside the model.
+    `score`: 2 dlogL that the set loses without it; `held_out`: gains of the folds `fold_names`.
+    `runner_up`: the best candidate in its place, which is `margin` behind, where `needed` is asked;
+    `correlation` of its columns with those of the effect; `indistinct`: all that cannot be told
+    from it; `rivals`: all that are not but the same with more freedom. `strength`: rms of what the
+    effect explains over that of its joint's force.
     """
 
     shaped: ShapedCandidate
     score: float
     threshold: float
-    null: np.ndarray
     held_out: np.ndarray
     fold_names: tuple[str, ...]
     runner_up: Candidate | None
@@ -395,16 +371,15 @@ class Judged:
     needed: float
     correlation: float
     indistinct: tuple[Candidate, ...]
-    visibility: float
     strength: float
     rivals: tuple[Rival, ...] = ()
 
 
 def all_judged(search: Search, subset: Subset, thresholds: Thresholds) -> list[Judged]:
     """The effects of a set, each against what chance adds to the best smaller set."""
-    null, threshold = by_chance(search, search.sets[len(subset.numbers) - 1][0], thresholds)
+    threshold = by_chance(search, search.sets[len(subset.numbers) - 1][0], thresholds)
     return [
-        _judged(search, subset, place, score, threshold, null, thresholds)
+        _judged(search, subset, place, score, threshold, thresholds)
         for place, score in enumerate(marginal(search, subset))
     ]
 
@@ -424,8 +399,8 @@ def found_values(search: Search, subset: Subset, place: int) -> np.ndarray:
 
 
 def folds_asked(search: Search, own: ShapedCandidate, values: np.ndarray) -> Folds:
-    """Where an effect with these values (k,) is asked to help: where it acts; or everywhere, if it
-    follows the time or the recording, since one recording that differs would look like it.
+    """The folds in which an effect with these values (k,) must help: where it acts, or all if it
+    follows the time or the recording.
     """
     if BETWEEN & set(own.candidate.effect.follows):
         return folds(search.evidence)
@@ -438,7 +413,6 @@ def _judged(
     place: int,
     score: float,
     threshold: float,
-    null: np.ndarray,
     thresholds: Thresholds,
 ) -> Judged:
     projection, method = search.projection, thresholds.method
@@ -482,7 +456,6 @@ def _judged(
         shaped=own,
         score=score,
         threshold=threshold,
-        null=null,
         held_out=held_out,
         fold_names=names,
         runner_up=runner_up,
@@ -490,7 +463,6 @@ def _judged(
         needed=needed_of_same if closest else needed,
         correlation=swaps[0][1] if swaps else 0.0,
         indistinct=tuple(indistinct),
-        visibility=float(projection.visibility[number]),
         strength=strength(search, number, score),
         rivals=tuple(rivals),
     )

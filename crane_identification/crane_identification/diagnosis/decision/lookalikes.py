@@ -1,7 +1,6 @@
 """Forces that resemble an effect of the catalogue and are not one."""
 
 from collections.abc import Collection, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from crane_identification.diagnosis.decision.judgement import (
     without,
 )
 from crane_identification.diagnosis.decision.several import factors
-from crane_identification.diagnosis.decision.signatures import chance_of, falls
+from crane_identification.diagnosis.decision.signatures import chance_of
 from crane_identification.diagnosis.search.candidates import ShapedCandidate
 from crane_identification.diagnosis.search.projection import Subset
 from crane_identification.diagnosis.search.search import (
@@ -46,10 +45,9 @@ def stands_apart(
     chance: float,
     thresholds: Thresholds,
 ) -> bool:
-    """Whether one effect of a set, with these `gains`, explains beside any shape of the stronger
-    ones what it does beside their laws, more than `chance` and of recordings that it was not fitted
-    to; and each of these laws leaves nothing to its shape, or is drawn. Those without a form leave
-    nothing either.
+    """Whether one effect of a set explains beside any curve of the stronger ones what it does
+    beside their model forms, more than `chance` and of recordings that it was not fitted to; and
+    each of these forms leaves nothing to its curve.
     """
     found = [search.projection.candidates[number] for number in subset.numbers]
     own, rest = found[place], [one for k, one in enumerate(found) if k != place]
@@ -81,9 +79,7 @@ def _is_the_machines(
     shape: ShapedCandidate,
     thresholds: Thresholds,
 ) -> bool:
-    """Whether the shape explains no more beside all that was `found`, its law among it, than chance
-    does; one that is drawn has no other law.
-    """
+    """Whether a curve explains no more than chance beside all that was `found`."""
     if law.candidate.drawn:
         return True
     columns = [one.columns for one in found]
@@ -104,9 +100,8 @@ def slight(
     asked: Collection[int],
     formless: Collection[int] = (),
 ) -> bool:
-    """Whether one of the effects `asked` gains less than that share of what another law does in
-    one of its channels: what a law leaves because it is not quite that of the machine is on its own
-    joint, most of it. Those that are `formless` leave nothing.
+    """Whether one of the effects `asked` gains less than that share of what another one, not
+    `formless`, does in one of its channels: that may be what the form of the other one leaves.
     """
     where = [set(one.tolist()) for one in channels]
     return any(
@@ -120,10 +115,8 @@ def slight(
 def of_one_form(
     search: Search, subset: Subset, chance: float, thresholds: Thresholds, settled: int = 0
 ) -> bool:
-    """Whether an effect of a set is but the form of another one of them; not of those `settled`.
-    `chance` gives so much to the best effect when nothing is missing.
-
-    Changes of terms that the model has are of the model's own form.
+    """Whether an effect of a set, not of the first `settled`, is but what the form of another one
+    leaves. `chance`: gain of the best effect if nothing is missing.
     """
     if all(search.projection.candidates[number].candidate.changes for number in subset.numbers):
         return False
@@ -143,7 +136,7 @@ def fills(
     search: Search, subset: Subset, place: int, chance: float, thresholds: Thresholds
 ) -> bool:
     """Whether one effect of a set explains most of what the others leave beyond noise where it
-    acts, which is more than `chance`: of what the form of a law leaves, another explains a part.
+    acts, which is more than `chance`.
     """
     own = channels(search, subset.numbers[place])
     before, after = (
@@ -164,15 +157,12 @@ def fills(
 
 
 def is_of_lengths(
-    search: Search,
-    longer: Search,
-    rest: Sequence[np.ndarray],
-    columns: np.ndarray,
-    thresholds: Thresholds,
+    search: Search, rest: Sequence[np.ndarray], columns: np.ndarray, thresholds: Thresholds
 ) -> bool:
-    """Whether columns (n, c, k), beside the `rest` (n, c, k each), gain less than half as much in
-    the `longer` search, beside lengths that are off, and scales of the forces of all joints.
+    """Whether columns (n, c, k), beside the `rest`, gain less than half as much beside lengths that
+    are off and scales of all joints' forces.
     """
+    longer = beside_lengths(search)
     scales = [longer.projection.candidates[number].columns for number in factors(longer)]
     share = thresholds.method.simple_share
     return gained(longer, [*rest, *scales], columns) < share * gained(search, rest, columns)
@@ -181,22 +171,13 @@ def is_of_lengths(
 SENSING = "sensing"  # family of terms
 
 
-class Strange(NamedTuple):
-    """Of effects that were found, those that are `kept` beside forces of no effect, `beyond`."""
-
-    kept: tuple[Judged, ...]
-    beyond: tuple[Beyond, ...]
-
-
 def with_strange(
     search: Search, found: Sequence[Judged], threshold: float, thresholds: Thresholds
-) -> Strange:
-    """What was found, without effects in whose place a signature of no effect explains more.
-
-    `threshold` is what chance gives to the best effect of the catalogue.
+) -> tuple[tuple[Judged, ...], tuple[Beyond, ...]]:
+    """What was found, without effects in whose place a signature of no effect explains more, and
+    these signatures. `threshold` is what chance gives to the best effect of the catalogue.
     """
-    found, beyond = _without_falling(search, found, thresholds)
-    kept = list(found)
+    kept, beyond = list(found), []
     subset = search.together(one.shaped for one in found)
     joints = search.evidence.joints
     left = unexplained_on_joints(search, subset)
@@ -214,29 +195,14 @@ def with_strange(
                 for one in kept
                 if one.shaped.candidate.joint != joint or not _instead(search, found, one, other)
             ]
-    return Strange(tuple(kept), tuple(beyond))
-
-
-def _without_falling(
-    search: Search, found: Sequence[Judged], thresholds: Thresholds
-) -> tuple[list[Judged], list[Beyond]]:
-    """The effects without those of a shape that falls where their laws rise, and these."""
-    kept, beyond = [], []
-    for one in found:
-        candidate = one.shaped.candidate
-        rest = _columns([other for other in found if other is not one])
-        if candidate.drawn and falls(search, one.shaped, rest, thresholds):
-            beyond.append(Beyond(candidate.where, candidate.effect.signature, falls=True))
-        else:
-            kept.append(one)
-    return kept, beyond
+    return tuple(kept), tuple(beyond)
 
 
 def _most_of(
     search: Search, found: Sequence[Judged], j: int, least: float, thresholds: Thresholds
 ) -> ForceSignature | None:
-    """The signature of no effect on joint j that explains most beside what was found, more than
-    the `least`, and more than chance and the errors of the processing do; None if there is none.
+    """The signature of no effect on joint j that explains most beside what was found, more than the
+    `least`, chance and errors of the processing; None if there is none.
     """
     rest = _columns(found)
     known = explained(search, *rest)
@@ -257,10 +223,7 @@ def _most_of(
                 continue
         if strength_on(search, lead, j) < thresholds.gates.smallest_strength:
             continue
-        of_sensors = other.term.is_of_sensors()  # lengths leave such a force
-        if of_sensors and is_of_lengths(
-            search, beside_lengths(search), rest, other.columns, thresholds
-        ):
+        if other.term.is_of_sensors() and is_of_lengths(search, rest, other.columns, thresholds):
             continue
         if helps(held_out_gains(search, rest, other.columns)[0], thresholds):
             best, most = other, lead
@@ -268,7 +231,7 @@ def _most_of(
 
 
 def _left_by_form(found: Sequence[Judged], joint: str, thresholds: Thresholds) -> float:
-    """What the laws on a joint may leave because their forms are not the machine's; 0 if none."""
+    """Gain that the forms of the effects on a joint may leave; 0 if none has a form."""
     method, candidates = thresholds.method, [(one.shaped, one.score) for one in found]
     left = [
         score * (method.reading_share if one.term.is_of_sensors() else method.elsewhere_share)
@@ -282,8 +245,7 @@ def _accounts_for(
     search: Search, found: Sequence[Judged], joint: str, other: ForceSignature, most: float
 ) -> bool:
     """Whether effects were found on a joint that explain no more than the `most` beside a
-    signature: it is why they were found. Scales, which wrong lengths make as well, need not be
-    among them.
+    signature: it is why they were found. Scales need not be among them.
     """
     both = explained(search, *_columns(found), other.columns)
     here = [one for one in found if one.shaped.candidate.joint == joint]
@@ -297,8 +259,8 @@ def _accounts_for(
 
 
 def suspected(found: Sequence[Judged], joint: str) -> bool:
-    """Whether what was found on a joint is of its sensors: not where the forces of two joints are
-    scaled, which is lengths that are off.
+    """Whether an effect of the sensors was found on a joint; not if the forces of two joints are
+    scaled.
     """
     candidates = [one.shaped.candidate for one in found]
     lengths = sum(one.effect.formless for one in candidates) > 1
@@ -309,7 +271,6 @@ def suspected(found: Sequence[Judged], joint: str) -> bool:
 
 
 def _instead(search: Search, found: Sequence[Judged], one: Judged, other: ForceSignature) -> bool:
-    """Whether a signature explains more in the place of an effect than that does."""
     rest = _columns([each for each in found if each is not one])
     return explained(search, *rest, other.columns) > explained(search, *rest, one.shaped.columns)
 

@@ -27,11 +27,7 @@ from crane_identification.diagnosis.search.projection import (
     extended,
     solve,
 )
-from crane_identification.diagnosis.search.search import (
-    Search,
-    columns_of_lengths,
-    gained,
-)
+from crane_identification.diagnosis.search.search import Search, columns_of_lengths, gained
 from crane_identification.thresholds import Thresholds
 
 FEWEST_JOINTS = 3
@@ -39,15 +35,15 @@ Kinds = tuple[str, ...]
 
 
 def on_several_joints(search: Search, threshold: float, thresholds: Thresholds) -> Subset:
-    """The effects that at least three joints lack each, strongest kind first; none if there is no
-    such kind. Three of a kind lose more than the `threshold` without theirs, and a share of what
-    the strongest effect does; the others more than chance gives to the best of that kind.
+    """The effects that at least three joints lack each, strongest kind first. Three of a kind lose
+    more than the `threshold` without theirs, and a share of what the strongest effect does; the
+    others more than chance gives to the best of that kind.
     """
     members, share = _kinds(search.projection), thresholds.method.elsewhere_share
     least = {
         number: limit
         for numbers in members.values()
-        for limit in [chance_of_kind(search, numbers, thresholds)[1]]
+        for limit in [chance_of_kind(search, numbers, thresholds)]
         for number in numbers
     }
     chosen: Kinds = ()
@@ -78,21 +74,17 @@ def on_several_joints(search: Search, threshold: float, thresholds: Thresholds) 
         found, chosen = more, kinds
 
 
-def chance_of_kind(
-    search: Search, numbers: Sequence[int], thresholds: Thresholds
-) -> tuple[np.ndarray, float]:
+def chance_of_kind(search: Search, numbers: Sequence[int], thresholds: Thresholds) -> float:
     """As `by_chance`, of the candidates with these numbers alone."""
     wanted = np.zeros(len(search.projection.candidates), dtype=bool)
     wanted[list(numbers)] = True
-    return by_chance(
-        replace(search, projection=search.projection.kept(wanted)), NOTHING, thresholds
-    )
+    kept = replace(search, projection=search.projection.kept(wanted))
+    return by_chance(kept, NOTHING, thresholds)
 
 
 def _kinds(projection: Projection) -> dict[str, list[int]]:
-    """The numbers of the effects without a shape on single joints, by their type; a factor of what
-    the model has is, on all joints, a factor of its masses. What any machine has a little of, as
-    gains of its transducers, none lacks: on all joints they are near to lengths that are off.
+    """The numbers of the effects without a nonlinear parameter on single joints, by type; without
+    factors of what the model has, and without what any machine has a little of.
     """
     out: dict[str, list[int]] = {}
     for number, shaped in enumerate(projection.candidates):
@@ -106,8 +98,8 @@ def _kinds(projection: Projection) -> dict[str, list[int]]:
 def _telling(
     search: Search, numbers: Sequence[int], least: Mapping[int, float]
 ) -> tuple[Subset, list[float]]:
-    """Those of the effects without each of which the others lose more than is asked for at `least`,
-    with the losses. The others are taken out one by one.
+    """The effects without each of which the others lose more than its `least`, with the losses. The
+    others are taken out one by one.
     """
     left = list(numbers)
     while left:
@@ -132,8 +124,7 @@ def _wrong(projection: Projection, numbers: Sequence[int]) -> int:
 def as_kinds(
     search: Search, found: Sequence[Judged], known: int, thresholds: Thresholds
 ) -> list[Judged]:
-    """The effects, the first `known` of them with what is asked of their kind: against chance, on
-    held-out rows of all of them together, and beside other kinds on all of their joints.
+    """The effects, the first `known` of them judged as kinds: on all of their joints together.
 
     What one joint gains elsewhere is lost among what the bodies that it shares make of it.
     """
@@ -150,26 +141,26 @@ def as_kinds(
         added = np.concatenate([one.shaped.columns for one in own], axis=2)
         gains, names = held_out_gains(search, [one.shaped.columns for one in rest], added)
         numbers = members.get(kind) or [search.number(one.shaped) for one in own]
-        null, threshold = chance_of_kind(search, numbers, thresholds)
+        threshold = chance_of_kind(search, numbers, thresholds)
         others = _other_kinds(own)
         for place in np.flatnonzero(alike):
-            one = replace(out[place], held_out=gains, fold_names=names)
-            one = replace(one, null=null, threshold=threshold)
+            one = replace(out[place], held_out=gains, fold_names=names, threshold=threshold)
             out[place] = _beside_kinds(one, others)
     return out
 
 
 class _Kind(NamedTuple):
-    """Another kind on the joints of one: what it explains less on all of them, and is `asked`."""
+    """Another kind in the place of one: the score that it is behind by on all joints, and what is
+    asked.
+    """
 
     lead: float
     asked: float
 
 
 def _other_kinds(effects: Sequence[Judged]) -> dict[str, _Kind]:
-    """The kinds that come in the place of one or more of the `effects` of a kind, by type.
-
-    Where it does not come in its place, an effect is lost.
+    """The kinds that come in the place of one or more of the `effects` of a kind, by type; an
+    effect in whose place a kind does not come is lost with it.
     """
     by_joint = [
         {one.candidate.type: one for one in reversed(effect.rivals) if _same_joint(effect, one)}
@@ -187,7 +178,7 @@ def _other_kinds(effects: Sequence[Judged]) -> dict[str, _Kind]:
 
 
 def _beside_kinds(one: Judged, others: Mapping[str, _Kind]) -> Judged:
-    """An effect whose rivals are the kinds that come in the place of all of its own."""
+    """An effect whose rivals are the kinds in the place of all of its own."""
     rivals = sorted(
         (rival for rival in one.rivals if _same_joint(one, rival)),
         key=lambda rival: others[rival.candidate.type].lead,
@@ -231,7 +222,9 @@ LINKAGE = "linkage_scale"
 
 
 def or_lengths(search: Search, found: Sequence[Judged]) -> tuple[Judged, ...]:
-    """The effects; a scale that lengths explain as well has linkages in its ambiguity group."""
+    """The effects; a scale that the most likely lengths explain about as well beside the other
+    effects has linkages of other joints in its ambiguity group.
+    """
     return tuple(
         _or_lengths(search, one, [other for other in found if other is not one])
         if one.shaped.candidate.effect.formless
@@ -241,52 +234,45 @@ def or_lengths(search: Search, found: Sequence[Judged]) -> tuple[Judged, ...]:
 
 
 def _or_lengths(search: Search, scale: Judged, rest: Sequence[Judged]) -> Judged:
-    """Return the scale of one joint, with the linkages of other joints as indistinct from it if
-    the most likely lengths explain about as much beside the `rest`.
-    """
     if any(one.type == LINKAGE for one in (scale.shaped.candidate, *scale.indistinct)):
         return scale
     found = {one.shaped.candidate for one in rest}
-    factor = (search.projection.candidates[number] for number in factors(search))
-    linkages = [
-        one for one in factor if one.candidate.type == LINKAGE and one.candidate not in found
-    ]
-    beside_scale = [one.shaped.columns for one in rest]
+    every = (search.projection.candidates[number] for number in factors(search))
+    linkages = [one for one in every if one.candidate.type == LINKAGE]
+    linkages = [one for one in linkages if one.candidate not in found]
+    others = [one.shaped.columns for one in rest]
+    lengths = [columns_of_lengths(search.evidence), *(one.columns for one in linkages)]
     none = search.evidence.base[:, :, :0]
     known, columns = (
         beside(search.base.basis, search.whitener(np.concatenate([none, *parts], axis=2)))
-        for parts in (
-            beside_scale,
-            [columns_of_lengths(search.evidence), *(one.columns for one in linkages)],
-        )
+        for parts in (others, lengths)
     )
     known = leading(known, known.shape[1])
     columns, force = (beside(known, values) for values in (columns, search.base.residual))
     columns = LENGTH_ERROR * columns
     gram, score = columns.T @ columns + np.eye(columns.shape[1]), columns.T @ force
     explained = float(score @ np.linalg.solve(gram, score))
-    if gained(search, beside_scale, scale.shaped.columns) - explained > scale.needed:
+    if gained(search, others, scale.shaped.columns) - explained > scale.needed:
         return scale
-    alike = (*scale.indistinct, *(one.candidate for one in linkages))
-    return replace(scale, indistinct=alike)
+    return replace(scale, indistinct=(*scale.indistinct, *(one.candidate for one in linkages)))
 
 
 def gain_of_few(search: Search) -> float:
-    """What the best effect gains by itself, or the best factors of the forces of two joints."""
+    """Gain of the best effect by itself, or of the best factors of the forces of two joints."""
     projection = search.projection
     alone = [one.gain for one in extended(projection, NOTHING)]
     return max([*alone, best_pair(search).gain])
 
 
 def best_pair(search: Search) -> Subset:
-    """The factors of the forces of two joints that gain most; nothing where there are no two."""
+    """The factors of the forces of two joints that gain most; nothing if there are no two."""
     both = (solve(search.projection, pair) for pair in combinations(factors(search), 2))
     return max((one for one in both if one is not None), key=lambda one: one.gain, default=NOTHING)
 
 
 def smallest(search: Search, subset: Subset, tolerance: float) -> Subset:
-    """The set with its factors replaced by those that come to the same, to a `tolerance` of gain,
-    and are smallest: a file errs rather by little. Of equals, the first in the catalogue.
+    """The set with its factors replaced by the smallest ones that come to the same, to a
+    `tolerance` of gain: a file errs rather by little.
     """
     known = factors(search)
     places = [place for place, number in enumerate(subset.numbers) if number in known]

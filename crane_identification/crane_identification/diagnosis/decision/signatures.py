@@ -4,12 +4,10 @@ A machine has a family of forms where the catalogue has one. An effect that the 
 found is therefore compared with its own curve and with the curves of other signatures.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.stats import chi2
 
 from crane_identification.diagnosis.decision.judgement import (
@@ -23,19 +21,16 @@ from crane_identification.diagnosis.decision.judgement import (
     held_out_gains,
     helps,
     in_place_of,
-    marginal,
-    same_effect,
     without,
 )
 from crane_identification.diagnosis.decision.several import as_kinds
-from crane_identification.diagnosis.fit.evidence import beside, leading, normed
+from crane_identification.diagnosis.fit.evidence import TINY, beside, leading, least_squares
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import NOTHING, Subset, solve
+from crane_identification.diagnosis.search.projection import Subset, solve
 from crane_identification.diagnosis.search.search import (
     ForceSignature,
     Search,
     explained,
-    gained,
     shape_of,
     strength,
     unexplained_beside,
@@ -62,54 +57,28 @@ def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tupl
     beside the `rest` (n, c, k each), and which fall where friction does, best first; none where the
     shape does not tell. Those of a falling `law` that leaves no friction need not explain more.
     """
-    cls, shaped = shape_of(law), search.shapes.of(law)
+    cls, shaped, base, white = shape_of(law), search.shapes.of(law), search.base, search.whitener
     if cls is None or shaped is None or law.type not in cls.families:
         return ()
     friction = _friction(search, shaped, rest, cls)
     if friction is None:
         return ()
-    gone = friction.left < KINETIC_SHARE * max(friction.at_rest, 0.0)
-    falls = friction.fallen > FALL_SHARE and not gone
-    kinds = [kind for kind in cls.families if kind == law.type or (kind in cls.falling) == falls]
-    gains = _gains(
-        search, rest, shaped, {kind: cls.family_of(kind, friction.speeds) for kind in kinds}
-    )
-    own = (1.0 + LEAD_SHARE) * gains.pop(law.type)
-    least = -np.inf if law.type in cls.falling and gone else own
-    better = [kind for kind, gain in gains.items() if gain > least]
-    return tuple(sorted(better, key=lambda kind: -gains[kind]))
-
-
-def _gains(
-    search: Search,
-    rest: Sequence[np.ndarray],
-    shaped: ShapedCandidate,
-    families: Mapping[str, np.ndarray],
-) -> dict[str, float]:
-    """2 dlogL of the best curve of each family (k, m), which are of more friction, not of less."""
-    base, white = search.base, search.whitener
+    speed, fallen, gone = friction
+    falls = fallen > FALL_SHARE and not gone
     own = beside(base.basis, white(shaped.columns))
     if rest:
         others = beside(base.basis, white(np.concatenate(rest, axis=2)))
         own = beside(leading(others, others.shape[1]), own)
-    gram, score = own.T @ own, own.T @ base.residual
-    gains = {}
-    for kind, curves in families.items():
-        power = np.maximum(np.einsum("km,kl,lm->m", curves, gram, curves), np.finfo(float).tiny)
-        gains[kind] = float((np.maximum(curves.T @ score, 0.0) ** 2 / power).max())
-    return gains
-
-
-class _Friction(NamedTuple):
-    """By how much friction has `fallen` with the speed at most, over the height of its shape, what
-    it is `at_rest`, and what is `left` of that by the straight line that ends it; and the `speeds`
-    (knots,) of the shape.
-    """
-
-    speeds: np.ndarray
-    fallen: float
-    at_rest: float
-    left: float
+    gram, score, gains = own.T @ own, own.T @ base.residual, dict[str, float]()
+    for kind in cls.families:
+        if kind == law.type or (kind in cls.falling) == falls:
+            curves = cls.family_of(kind, speed)  # of more friction, not of less
+            power = np.maximum(np.einsum("km,kl,lm->m", curves, gram, curves), TINY)
+            gains[kind] = float((np.maximum(curves.T @ score, 0.0) ** 2 / power).max())
+    known = (1.0 + LEAD_SHARE) * gains.pop(law.type)
+    least = -np.inf if law.type in cls.falling and gone else known
+    better = [kind for kind, gain in gains.items() if gain > least]
+    return tuple(sorted(better, key=lambda kind: -gains[kind]))
 
 
 def _friction(
@@ -117,9 +86,10 @@ def _friction(
     shaped: ShapedCandidate,
     rest: Sequence[np.ndarray],
     cls: type[NonparametricTerm],
-) -> _Friction | None:
-    """A shape over the speed together with the terms that hold its slope and its height; None where
-    the model has no such terms to be fitted.
+) -> tuple[np.ndarray, float, bool] | None:
+    """The speeds (knots,) of a shape; by how much friction falls with the speed at most, over the
+    height of the shape; and whether none is left, by the straight line that ends it. None if the
+    model has no terms for the slope and the height of the shape.
     """
     evidence, joint = search.evidence, shaped.candidate.joint
     terms = {one.type: one for one in evidence.model.terms if one.only_joint == joint}
@@ -127,18 +97,16 @@ def _friction(
     if evidence.keeps or len(own) < 2:
         return None
     columns = np.concatenate([evidence.free, *rest, shaped.columns], axis=2)
-    scaled, norms = normed(search.whitener(columns))
-    force = search.whitener(evidence.force)
-    values = np.linalg.lstsq(scaled, force, rcond=1e-10)[0] / norms
+    values = least_squares(search.whitener(columns), search.whitener(evidence.force))
     (curve,) = shaped.term.curves(values[-shaped.columns.shape[2] :])
     slope, height = (values[evidence.model.part(one)][0] for one in own)
     speed = np.array(curve.knots)
     friction = height + slope * speed + curve.values
     fall = (np.maximum.accumulate(friction) - friction).max()
     ends = [cls.straight_from, -1]
-    line = np.polyfit(speed[ends], friction[ends], 1)
-    fallen = float(fall / max(np.ptp(curve.values), np.finfo(float).tiny))
-    return _Friction(speed, fallen, float(friction[0]), float(line[-1]))
+    left = np.polyfit(speed[ends], friction[ends], 1)[-1]
+    gone = bool(left < KINETIC_SHARE * max(friction[0], 0.0))
+    return speed, float(fall / max(np.ptp(curve.values), TINY)), gone
 
 
 # An effect and its nonparametric curve: a further effect has to explain what no curve of a stronger
@@ -146,43 +114,11 @@ def _friction(
 # if no model form fits, the curve is kept.
 
 
-def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0) -> bool:
-    """Whether an effect of a set explains little that a stronger one on its joint would not explain
-    with some other shape or, where both are of one signature or laws of the same effect, does not
-    by itself. The first ones, `settled`, are not asked.
-    """
-    gains, share = marginal(search, subset), thresholds.method.form_share
-    found = _candidates(search, subset)
-    for place, own in list(enumerate(found))[settled:]:
-        rest = [one.columns for one in found if one is not own]
-        for number, first, gain in zip(subset.numbers, found, gains, strict=True):
-            if first is own or first.candidate.joint != own.candidate.joint or gain < gains[place]:
-                continue
-            shaped = search.shapes.of(first.candidate)
-            if _alike(own.candidate, first.candidate):
-                alone = solve(search.projection, (number,)) or NOTHING
-                more, asked = gains[place], share * alone.gain
-            elif shaped is None:
-                continue
-            else:
-                more = gained(search, [*rest, shaped.columns], own.columns)
-                asked = share * gains[place]
-            if more < asked:
-                return True
-    return False
-
-
-def _alike(one: Candidate, other: Candidate) -> bool:
-    """Whether two effects on one joint have one signature, or are laws of the same effect."""
-    cls = shape_of(one)
-    return same_effect(one, other) or (cls is not None and cls is shape_of(other))
-
-
 def rival(
     search: Search, subset: Subset, place: int, thresholds: Thresholds
 ) -> ForceSignature | None:
     """The signature that explains most of what one effect of a set does, and clearly more than any
-    shape of it, also of recordings that it is not fitted to; None if there is none.
+    curve of it, also of recordings that it is not fitted to; None if there is none.
     """
     own = _candidates(search, subset)[place]
     if own.candidate.joint is None or own.candidate.changes:
@@ -210,8 +146,8 @@ def rival(
 def of_better_signature(
     search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0
 ) -> tuple[Subset, list[Rejection]]:
-    """The set with effects replaced by those whose signature is clearly better, and rejections by
-    signatures that are better but those of no effect. The first effects, `settled`, are not asked.
+    """The set with effects, but the first `settled`, replaced by those whose signature is clearly
+    better, and rejections by signatures that no effect has.
     """
     strange = []
     for place in range(settled, len(subset.numbers)):
@@ -228,9 +164,7 @@ def of_better_signature(
 def _holds(
     search: Search, subset: Subset, place: int, better: Subset, thresholds: Thresholds
 ) -> bool:
-    """Whether a law in the place of an effect explains most of what that does: a signature whose
-    law does not is of another force, which it can be bent to.
-    """
+    """Whether a law in the place of an effect explains most of what the effect does."""
     least = thresholds.method.simple_share
     known = without(search, subset, place).gain
     return better.gain - known >= least * (subset.gain - known)
@@ -251,11 +185,7 @@ def _with_law_of(search: Search, subset: Subset, place: int, types: Sequence[str
 def as_drawn(
     selection: ForwardSelection, passed: Sequence[Judged], thresholds: Thresholds
 ) -> tuple[Judged, ...]:
-    """The effects under the law where they bend, those that no law fits with the shape that was
-    drawn.
-
-    They passed with the law that fits best: beside one that fits less, others are blurred.
-    """
+    """The effects under the law whose curves fit best, or with the curve if no law fits."""
     out, search = list(passed), selection.search
     subset = search.together(one.shaped for one in out)
     for place, one in enumerate(out):
@@ -282,11 +212,9 @@ def _better(
     asked: Folds,
     thresholds: Thresholds,
 ) -> Judged:
-    """The effect with its law or, if that explains clearly more in training and of recordings that
-    it is not fitted to, with its drawn shape, beside the `rest` (n, c, k each).
-
-    Clearly more is much of what the law explains or, of an effect that is so strong that this says
-    little, of what is `left` where it acts. `asked` are the folds in which the law is.
+    """The effect with its law or, if that explains clearly more beside the `rest` (n, c, k each),
+    also in the folds `asked`, with its curve. Clearly more is much of what the law explains or of
+    what is `left` where it acts.
     """
     search, method = selection.search, thresholds.method
     lead = explained(search, *rest, shaped.columns) - explained(search, *rest, law.shaped.columns)
@@ -314,18 +242,17 @@ def _better(
         fold_names=names,
         margin=law.margin + lead,
         indistinct=tuple(alike),
-        visibility=float(search.projection.visibility[number]),
         strength=strength(search, number, score),
     )
 
 
 def _told(search: Search, law: Candidate, other: Candidate, rest: Sequence[np.ndarray]) -> bool:
-    """Whether a law is told from another one of its shape, which their lead cannot do."""
+    """Whether a law is told from another one of its curve, which their lead cannot do."""
     return law.joint == other.joint and law.type in likelier(search, other, rest)
 
 
 def signatures(search: Search, joint: str) -> list[ForceSignature]:
-    """Those on a joint: of effects that can be told from the model, and of no effect."""
+    """Signatures on a joint: of effects that can be told from the model, and of no effect."""
     own = [one.candidate for one in search.projection.candidates if one.candidate.joint == joint]
     laws = {shape_of(one): one for one in reversed(own) if not one.drawn}
     shaped = ((cls, search.shapes.of(law)) for cls, law in laws.items() if cls is not None)
@@ -342,43 +269,11 @@ def _candidates(search: Search, subset: Subset) -> list[ShapedCandidate]:
 
 
 def chance_of(columns: np.ndarray, thresholds: Thresholds) -> float:
-    """What chance gives to so many columns (n, c, k) at most, times what the sensor chain adds."""
+    """Gain that chance gives to so many columns (n, c, k) at most, times what the sensor chain
+    adds.
+    """
     level = 1.0 - thresholds.method.false_alarm_rate / 2.0
     return thresholds.gates.score_factor * float(chi2.ppf(level, columns.shape[2]))
-
-
-# Whether a shape that was drawn rises throughout, where every law of its effect does.
-#
-# A hose or a cord holds back more, the further it is bent. A spring that snaps over its centre
-# pulls back, then pushes: what it does follows the position as well, and is of no effect of the
-# catalogue.
-
-
-def falls(
-    search: Search, drawn: ShapedCandidate, rest: Sequence[np.ndarray], thresholds: Thresholds
-) -> bool:
-    """Whether a shape explains clearly more, beside the `rest` (n, c, k each), than the best one
-    that rises from knot to knot, where its laws do.
-    """
-    cls = shape_of(drawn.candidate)
-    if cls is None or not cls.rises:
-        return False
-    base, count = search.base, drawn.columns.shape[2]
-    steps = drawn.columns @ np.tril(np.ones((count, count)))  # from each knot to the next
-    # The first one is free: with it is what the model may lack of a constant force.
-    others = np.concatenate([*rest, steps[:, :, :1]], axis=2)
-    known, own = (
-        beside(base.basis, search.whitener(columns)) for columns in (others, steps[:, :, 1:])
-    )
-    known = leading(known, known.shape[1])
-    own, force = beside(known, own), beside(known, base.residual)
-    norms = np.linalg.norm(own, axis=0)
-    own = own[:, norms > 0.0] / norms[norms > 0.0]
-    free = float(((leading(own, own.shape[1]).T @ force) ** 2).sum())
-    _, left = nnls(own, force)
-    rising = float(force @ force) - left**2
-    least = max(chance_of(drawn.columns, thresholds), thresholds.method.elsewhere_share * free)
-    return free - rising > least
 
 
 # The selection beside shapes that were drawn.
@@ -387,16 +282,11 @@ def falls(
 # further effects are sought beside that, with all of its values free.
 
 
-def is_drawn(one: Judged) -> bool:
-    """Whether an effect has the shape that was drawn."""
-    return one.shaped.candidate.drawn
-
-
 def start_beside(selection: ForwardSelection, passed: Sequence[Judged]) -> bool:
-    """Let the selection go on from effects of which some were drawn; false where none was, or where
-    they have no solution together.
+    """Let the selection go on from effects of which some were drawn; false if none was, or if they
+    have no solution together.
     """
-    if not any(is_drawn(one) for one in passed):
+    if not any(one.shaped.candidate.drawn for one in passed):
         return False
     start = selection.search.together(one.shaped for one in passed)
     if not start.numbers:
@@ -406,10 +296,8 @@ def start_beside(selection: ForwardSelection, passed: Sequence[Judged]) -> bool:
 
 
 def best_beside(selection: ForwardSelection, size: int, settled: Sequence[Judged]) -> Subset | None:
-    """The best set of so many effects without another law of a shape that is `settled` as it was
-    drawn; None if there is none.
-    """
-    drawn = [one.shaped.candidate for one in settled if is_drawn(one)]
+    """The best set of so many effects without another law of a curve that is `settled`."""
+    drawn = [one.shaped.candidate for one in settled if one.shaped.candidate.drawn]
     if not drawn:
         return selection.best(size)
     for subset in selection.sets(size):
@@ -429,12 +317,11 @@ def _of_shape(law: Candidate, drawn: Candidate) -> bool:
 def judged_beside(
     search: Search, subset: Subset, settled: Sequence[Judged], thresholds: Thresholds
 ) -> list[Judged]:
-    """The effects of a set. Those that are `settled` are weighed anew as kinds or, beside a shape
-    that was drawn, stay as they are: their laws were weighed. A scale may have made way for another
-    one, as scales of several joints come to the same.
+    """The effects of a set. Those that are `settled` are weighed anew as kinds or, if one was
+    drawn, stay as they are.
     """
     found, known = all_judged(search, subset, thresholds), len(settled)
-    if any(is_drawn(one) for one in settled):
+    if any(one.shaped.candidate.drawn for one in settled):
         stay = [
             old if old.shaped.candidate == new.shaped.candidate else new
             for old, new in zip(settled, found[:known], strict=True)

@@ -48,7 +48,7 @@ class Zone(Enum):
 
     @property
     def open(self) -> float:
-        """Share of what the filter sees that must be within the zone, for a row to be used."""
+        """Share of what the filter sees that must be within the zone."""
         return LEAST_OPEN_SHARE if self is Zone.MOVING else OPEN_TURNING
 
 
@@ -64,7 +64,6 @@ class Run:
 
     @property
     def kept(self) -> np.ndarray:
-        """Samples that become rows."""
         return decimation_rows(len(self.record), self.factor)
 
     @cached_property
@@ -105,10 +104,8 @@ def row_noise(factor: int) -> float:
 
 
 class _Open(NamedTuple):
-    """Where the gates of channels are open: which samples, by how much, and where each goes.
-
-    Sample `factor` m + p of the window of a row lies at (p, m) of `phases` (2,): what one tap sees
-    of all `rows` is contiguous. Those of a channel end at `ends` (channels,).
+    """Samples at which the gates of channels are open, and by how much. Sample `factor` m + p of
+    the window of a row lies at (p, m) of `phases`; those of a channel end at `ends` (channels,).
     """
 
     sample: np.ndarray
@@ -120,7 +117,6 @@ class _Open(NamedTuple):
 
 
 def _opened(gate: np.ndarray, factor: int) -> _Open:
-    """The samples at which a `gate` (n, channels) is open, channel by channel."""
     taps, kept = len(_response(factor)), decimation_rows(len(gate), factor)
     phases = factor, len(kept) + taps // factor + 1
     first = int(kept[0]) - taps // 2 if len(kept) else 0  # before the first sample there are zeros
@@ -133,8 +129,8 @@ def _opened(gate: np.ndarray, factor: int) -> _Open:
 
 @njit(cache=True)
 def _gated(columns: np.ndarray, open_: _Open, response: np.ndarray) -> np.ndarray:
-    """(rows, channels, k): columns (n, j, k), j channels in turn, as their gates let them through,
-    with a finite response (taps,).
+    """(rows, channels, k): columns (n, j, k), j channels in turn, gated and filtered by a response
+    (taps,).
     """
     joints, width = columns.shape[1:]
     out = np.zeros((open_.rows, len(open_.ends), width))
@@ -158,7 +154,6 @@ def _gated(columns: np.ndarray, open_: _Open, response: np.ndarray) -> np.ndarra
 
 @njit(cache=True)
 def _seen(phases: np.ndarray, response: np.ndarray, row: np.ndarray) -> None:
-    """Write the sums over all taps, in their order."""
     row[:] = 0.0
     for tap in range(len(response)):
         weight = response[len(response) - 1 - tap]
@@ -184,25 +179,6 @@ class Features:
 
     names: tuple[str, ...]
     values: np.ndarray
-
-    def about(self, joint: str) -> "Features":
-        """Those of one joint, and those that belong to none."""
-        other = [i for i, name in enumerate(self.names) if " of " not in name]
-        own = [i for i, name in enumerate(self.names) if f" of {joint}" in name]
-        return Features(tuple(self.names[i] for i in own + other), self.values[:, own + other])
-
-
-def features(runs: Sequence[Run]) -> Features:
-    """Motion, way since the last reversal, forces, pressures, command, slew, temperature, time; at
-    the rows of the runs.
-    """
-    parts = []
-    names: tuple[str, ...] = ()
-    for run in runs:
-        columns = quantities(run.record)
-        names = tuple(columns)
-        parts.append(np.stack([values[run.kept] for values in columns.values()], axis=1))
-    return Features(names, np.concatenate(parts))
 
 
 def quantities(record: Record) -> dict[str, np.ndarray]:
@@ -235,6 +211,8 @@ def way_since_turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return q - q[last]
 
 
+TINY = np.finfo(float).tiny
+MOST_SHARE = 0.5  # from which on a share is most of something
 ROUNDING_SHARE = 1e-8  # of the largest eigenvalue: directions below are rounding
 VISIBLE_SHARE = 0.02
 """Share of a column's norm that must be left beside the others for what it stands for to show: for
@@ -244,9 +222,8 @@ FEWEST_ROWS = 8
 
 
 class ShownTerm(NamedTuple):
-    """The `columns` (n, c, k) of a term on the rows of some evidence, the share of its norm,
-    wherever it acts, that is in samples which are `seen`, and the ratio of rms there to which the
-    filter of the rows has `damped` it.
+    """The `columns` (n, c, k) of a term, the share of its norm in samples that are `seen`, and the
+    ratio of rms to which the filter has `damped` it.
     """
 
     columns: np.ndarray
@@ -258,10 +235,9 @@ class ShownTerm(NamedTuple):
 class Evidence:
     """n rows of c channels: `base` (n, c, p), `force` (n, c) [N m, N], `used` (n, c).
 
-    Channels are the j joints in the first zone, then in the second. `run` and `bag` (n,) number the
-    gapless runs and the recordings that they come from, `time` (n,) [s]. The first columns of
-    `base` are the regressor of the model, the rest nuisance close to reversals. Where the values of
-    the model are kept, `std_devs` (p,) says how well they are known.
+    Channels are the j joints in the first zone, then in the second. `run` and `bag` (n,) number
+    runs and recordings. The first columns of `base` are the regressor of the model, the rest
+    nuisance close to reversals. If values of the model are kept, `std_devs` (p,) are theirs.
     """
 
     model: Model
@@ -276,7 +252,6 @@ class Evidence:
 
     @property
     def keeps(self) -> bool:
-        """Whether the values of the model are kept."""
         return self.std_devs is not None
 
     @property
@@ -299,17 +274,19 @@ class Evidence:
 
     @cached_property
     def known(self) -> Features:
-        """What a law may depend on."""
-        return features(self.runs)
+        every = [quantities(run.record) for run in self.runs]
+        rows = [
+            np.stack([values[run.kept] for values in columns.values()], axis=1)
+            for run, columns in zip(self.runs, every, strict=True)
+        ]
+        return Features(tuple(every[-1]), np.concatenate(rows))
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints, each with a channel in every zone."""
         return self.model.joints
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Names of the recordings."""
         return tuple(dict.fromkeys(run.source for run in self.runs))
 
     @property
@@ -322,7 +299,7 @@ class Evidence:
 
     @cached_property
     def moving(self) -> "Evidence":
-        """The first zone alone, whose channels are the joints, beside the model alone."""
+        """The first zone alone, beside the model alone."""
         j, p = len(self.joints), len(self.model.parameters)
         return replace(
             self,
@@ -339,7 +316,6 @@ class Evidence:
 
     @cached_property
     def force_rms(self) -> np.ndarray:
-        """Root mean square of the force over the used rows of each channel (c,)."""
         return self.rms(self.force)
 
     def rms(self, values: np.ndarray) -> np.ndarray:
@@ -352,7 +328,6 @@ class Evidence:
         return self.shown(term).columns
 
     def shown(self, term: Term) -> ShownTerm:
-        """These columns, and what of the term they show."""
         rows, inside, total, samples = [], 0.0, 0.0, 0
         for run in self.runs:
             columns = term.columns(run.record, self.model.setting)
@@ -381,24 +356,21 @@ class Evidence:
 
     @cached_property
     def _regressors(self) -> dict[tuple[Term, ...], np.ndarray]:
-        """Regressors by the terms of their models."""
         return {}
 
     def _regressor(self, model: Model) -> np.ndarray:
         return np.concatenate([run.filtered(model.regressor(run.record)) for run in self.runs])
 
     def roughly(self, columns: np.ndarray) -> np.ndarray:
-        """Coefficients (p + k,) of the base and further `columns` (n, c, k), by least squares.
-
-        Rows of a channel are weighted by what is left of it; minimum norm where they coincide.
+        """Coefficients (p + k,) of the base and `columns` (n, c, k), by least squares; rows of a
+        channel are weighted by what is left of it.
         """
         matrix, weight = np.concatenate([self.base, columns], axis=2), self.force_rms
         for _ in range(2):
             unit = np.where(weight > 0.0, weight, np.inf)
             scale = np.broadcast_to(1.0 / unit, self.used.shape)[self.used]
-            scaled, norms = normed(matrix[self.used] * scale[:, np.newaxis])
             force = self.force[self.used] * scale
-            values: np.ndarray = np.linalg.lstsq(scaled, force, rcond=1e-9)[0] / norms
+            values = least_squares(matrix[self.used] * scale[:, np.newaxis], force)
             weight = self.rms(self.force - matrix @ values)
         return values
 
@@ -459,6 +431,13 @@ def normed(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return columns / norms, norms
 
 
+def least_squares(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Coefficients (k,) of columns (n, k), whatever their sizes; minimum norm if they coincide."""
+    scaled, norms = normed(columns)
+    found: np.ndarray = np.linalg.lstsq(scaled, values, rcond=1e-9)[0] / norms
+    return found
+
+
 def leading(columns: np.ndarray, most: int) -> np.ndarray:
     """Orthonormal (n, d <= most): the directions that most of the columns (n, k) share."""
     norms = np.linalg.norm(columns, axis=0)
@@ -475,8 +454,8 @@ def beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def says_nothing(used: np.ndarray, known: np.ndarray) -> bool:
-    """Whether a channel has too few of its rows `used` (n,) for the d unknown directions that are
-    `known` (rows, d) of its base: what these leave of it is no measure of its noise.
+    """Whether a channel has too few `used` rows (n,) for the directions `known` (rows, d) of its
+    base.
     """
     return bool(used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS))
 

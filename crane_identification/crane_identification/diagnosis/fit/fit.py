@@ -1,6 +1,7 @@
 """The fit that a diagnosis starts from: the model to recordings, as far as they determine it."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import ceil
 
@@ -14,7 +15,7 @@ from crane_identification.diagnosis.fit.evidence import (
     beside,
     gather,
     leading,
-    normed,
+    least_squares,
     says_nothing,
 )
 from crane_identification.estimation.consistent import consistent, physics
@@ -56,9 +57,8 @@ class UndeterminedError(DataError):
 
 def refit(evidence: Evidence, sources: str, held: tuple[str, ...] = ()) -> Model:
     """The model of the evidence with values and standard deviations, all estimated together.
-
-    Parameters that are `held` are 0 as far as the recordings do not tell them from the others: the
-    force is that of what is determined. `UndeterminedError` where others are not determined.
+    Parameters that are `held` are 0 as far as the recordings do not tell them from the others.
+    `UndeterminedError` if others are not determined.
     """
     model, rows = evidence.model, _rows(evidence)
     prior = _no_more_than_measured(rows, held) if held else None
@@ -83,8 +83,8 @@ def refit_anyway(evidence: Evidence, sources: str) -> tuple[Model, tuple[str, ..
 
 
 def _no_more_than_measured(rows: Rows, names: tuple[str, ...]) -> Prior:
-    """By which each of these parameters is 0, give or take what makes as much force alone, on some
-    joint, as was measured.
+    """By which each of these parameters is 0, give or take what makes as much force alone as was
+    measured.
     """
     force, unit, widths = rows.rms(rows.force), np.eye(len(rows.names)), []
     chosen = [rows.names.index(name) for name in names]
@@ -107,7 +107,6 @@ def _alike(rows: Rows, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _rows(evidence: Evidence) -> Rows:
-    """The equations of the channels that tell more than their unknowns are."""
     parameters = evidence.model.parameters
     matrix, force, used = _beside_nuisances(evidence)
     return Rows(
@@ -123,7 +122,7 @@ def _rows(evidence: Evidence) -> Rows:
 
 
 def _beside_nuisances(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Regressor (n, c, p) and force (n, c) without what the nuisance columns can explain, and which
+    """Regressor (n, c, p) and force (n, c) without what the nuisance columns explain, and which
     rows count (n, c).
     """
     p = len(evidence.model.parameters)
@@ -156,12 +155,9 @@ class Training:
 
 @dataclass(frozen=True)
 class Fitted:
-    """The model `before` anything is added, and the evidence of the recordings about it.
-
-    Terms all of whose parameters are `undetermined` are `left_out` of it. With `fixed`, its values
-    were kept. `periods`: held-out recordings averaged, whose scatter is the noise. `session` says
-    whether time runs through all recordings; `uncalibrated` quantities are in counts; `warnings`
-    are about the recordings.
+    """The model `before` anything is added, and the evidence of the recordings about it. Terms all
+    of whose parameters are `undetermined` are `left_out` of it. `periods`: held-out recordings
+    averaged, whose scatter is the noise; `uncalibrated` quantities are in counts.
     """
 
     before: Model
@@ -185,10 +181,9 @@ def fitted(
     fixed: bool = False,
     progress: Progress = silent,
 ) -> Fitted:
-    """The model fitted to the training recordings; with `fixed`, its values are kept.
-
-    `DataError` if recordings cannot be used or do not determine the parameters of the model;
-    `ConfigurationError` if values to keep are missing.
+    """The model fitted to the training recordings; with `fixed`, its values are kept. `DataError`
+    if recordings cannot be used or do not determine the parameters; `ConfigurationError` if values
+    to keep are missing.
     """
     if fixed:
         check_values(model)
@@ -227,34 +222,26 @@ def fitted(
 def _averaged(
     model: Model, logs: Sequence[Log], options: Options
 ) -> tuple[tuple[Preparation, ...], list[str]]:
-    """The validation recordings averaged, those that are periodic; their scatter is the noise.
-
-    Beside them, which of them do not have the period that was given.
+    """The validation recordings averaged, if they are periodic, and which do not have the period
+    that was given.
     """
-
-    def averaged(log: Log) -> tuple[list[Preparation], list[str]]:
+    found: list[Preparation] = []
+    told = []
+    for log in logs:
         try:
             part = periodic_part(log, options.period)
         except DataError as error:  # not periodic: no scatter
-            told = f"{error}. Its noise floor is not known."
-            return [], [] if options.period is None else [told]
-        try:
-            return prepare(model, log, replace(options, average=True), part=part), []
-        except DataError:  # no whole period without a gap
-            return [], []
-
-    found = [averaged(log) for log in logs]
-    return (
-        tuple(run for prepared, _ in found for run in prepared),
-        [told for _, wrong in found for told in wrong],
-    )
+            if options.period is not None:
+                told.append(f"{error}. Its noise floor is not known.")
+            continue
+        with suppress(DataError):  # no whole period without a gap
+            found += prepare(model, log, replace(options, average=True), part=part)
+    return tuple(found), told
 
 
 def decimation(model: Model, training: Sequence[Preparation], given: int | None) -> int:
-    """The factor of the rows: the `given` one, or that of the motion.
-
-    Of short recordings more rows are kept, up to the whole bandwidth of the motion. Their noise is
-    no longer independent, which whitening takes care of.
+    """The factor of the rows: the `given` one, or that of the motion. Of short recordings more rows
+    are kept; whitening takes care of their noise.
     """
     factor = common_factor(training, given)
     if given is not None:
@@ -270,9 +257,7 @@ def determined(
     """The evidence, the model with values, the terms that had to be left out for them, and further
     parameters that are not determined.
 
-    Friction at a single speed is Coulomb or viscous: the recordings show their sum, which one of
-    them carries as well. Where no term is the cause, as of the bodies of an arm that moved along
-    few ways, what is determined of their combinations is kept.
+    Friction at a single speed is Coulomb or viscous: one of them carries the sum.
     """
     left_out: tuple[Term, ...] = ()
     while True:
@@ -298,13 +283,12 @@ def _dispensable(evidence: Evidence, error: UndeterminedError) -> Term | None:
 
 
 def _left(evidence: Evidence, without: slice) -> float:
-    """Energy of the force beside the model without some of its columns, each joint in its unit."""
+    """Energy of the force beside the model without some columns, each joint in its unit."""
     weight = np.where(evidence.force_rms > 0.0, evidence.force_rms, 1.0)
     columns = np.delete(evidence.base, without, axis=2)[evidence.used]
     scaling = np.broadcast_to(1.0 / weight, evidence.force.shape)[evidence.used]
     matrix, force = columns * scaling[:, None], evidence.force[evidence.used] * scaling
-    matrix, _ = normed(matrix)
-    return float(((force - matrix @ np.linalg.lstsq(matrix, force, rcond=1e-9)[0]) ** 2).sum())
+    return float(((force - matrix @ least_squares(matrix, force)) ** 2).sum())
 
 
 def check_values(model: Model) -> None:

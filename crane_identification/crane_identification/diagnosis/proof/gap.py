@@ -15,6 +15,7 @@ from threadpoolctl import ThreadpoolController
 from crane_identification.data.log import Log
 from crane_identification.diagnosis.decision.judgement import HeldOutChange
 from crane_identification.diagnosis.fit.evidence import (
+    TINY,
     Evidence,
     Features,
     Run,
@@ -47,10 +48,8 @@ ORDER = 4
 
 
 def scatter_of_periods(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:
-    """Root mean square noise (j,) of the filtered force, from the scatter between periods; NaN
-    where none was repeated that moves the joint.
-
-    It holds what a motion does not repeat and what a machine does not: neither is of sensors.
+    """Root mean square noise (j,) of the filtered force, from the scatter between periods; NaN if
+    none was repeated that moves the joint.
     """
     power, count = np.zeros((2, joints))
     for preparation in averaged:
@@ -66,9 +65,8 @@ def scatter_of_periods(averaged: Sequence[Preparation], factor: int, joints: int
 
 
 def scatter_of_samples(evidence: Evidence) -> np.ndarray:
-    """Root mean square noise (j,) of its rows while joints move, if that of the samples is white:
-    from differences of the force, in which no motion is left (Gasser, Sroka and Jennen-Steinmetz,
-    Biometrika 73 (1986)).
+    """Root mean square noise (j,) of the rows, if that of the samples is white: from differences of
+    the force, in which no motion is left (Gasser, Sroka and Jennen-Steinmetz, Biometrika 73, 1986).
     """
     joints = len(evidence.joints)
     weights = np.array([(-1.0) ** k * comb(ORDER, k) for k in range(ORDER + 1)])
@@ -96,11 +94,9 @@ FEWEST_ROWS = 60  # of a joint, below which nothing is learnt
 
 @dataclass(frozen=True)
 class Learnt:
-    """Out-of-fold prediction (n, j) of a residual, and per joint (j,) the share it explains.
-
-    Folds that it predicts worse than zero, where it has to extrapolate, count as not explained in
-    both. `p_value`: how likely a residual without any law gives such gains; `strength`: root mean
-    square of what is explained, over that of the joint's force.
+    """Out-of-fold prediction (n, j) of a residual, the share (j,) that it explains, how likely
+    chance gives such gains, and root mean square of what is explained over that of the force. Folds
+    that it predicts worse than zero count as not explained.
     """
 
     prediction: np.ndarray
@@ -166,7 +162,6 @@ def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegres
 
 @cache
 def _threads() -> ThreadpoolController:
-    """Of all libraries; to look for them takes as long as several trees."""
     return ThreadpoolController()
 
 
@@ -181,14 +176,15 @@ def predict_elsewhere(evidence: Evidence, residual: np.ndarray, other: Evidence)
     return out
 
 
+OF_PERIODS = "the scatter between periods"
+OF_SAMPLES = "what the scatter of samples and surveyed lengths account for"
 RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 
 
 @dataclass(frozen=True)
 class HeldOut:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
-    noise (NaN where no period was repeated), and the `best` that a flexible learner reaches. The
-    `method` says what is a gap.
+    noise, and the `best` that a flexible learner reaches.
     """
 
     joints: tuple[str, ...]
@@ -200,15 +196,12 @@ class HeldOut:
 
     @property
     def reachable(self) -> np.ndarray:
-        """What some model reaches (j,): noise where it is known, or the learner, or that `after`.
-
-        Periods scatter by what the motion does not repeat as well, which a model may explain.
-        """
+        """What some model reaches (j,): noise, the learner, or the error `after`."""
         return np.fmin(np.fmin(self.method.clean_factor * self.floor, self.best), self.after)
 
     @property
     def closed(self) -> np.ndarray:
-        """Share (j,) of the explainable gap, in energy, that is closed; NaN where there is none."""
+        """Share (j,) of the explainable gap, in energy, that is closed; NaN if there is none."""
         return np.array([self.closed_on([j]) for j in range(len(self.joints))])
 
     def closed_on(self, joints: Sequence[int]) -> float:
@@ -224,24 +217,18 @@ class HeldOut:
         return (before - after) / explainable if gap else np.nan
 
     def change(self, j: SupportsIndex) -> HeldOutChange:
-        """Held-out errors of a joint."""
         return HeldOutChange(self.joints[j], float(self.before[j]), float(self.after[j]))
 
     def is_noise(self, joints: Sequence[int]) -> bool:
-        """Whether the errors of these joints before are as small as the noise that is known."""
         own = list(joints)
         return bool((self.before[own] <= self.method.clean_factor * self.floor[own]).all())
 
 
 @dataclass(frozen=True)
 class Gap(HeldOut):
-    """Errors of all held-out rows and, in `trained`, of those where training went.
-
-    `training_before` and `training_after`: errors on the recordings that models were fitted to.
-    `uncertain`: error that the standard deviations of values that are kept allow. `motion_before`
-    and `motion_after`: errors of the simulated motion. `loads` of the held-out recordings, which
-    `carried` holds beside what the model after has. `sample_noise`: that of the held-out force, by
-    its scatter from sample to sample, over its rms.
+    """Errors of all held-out rows and, in `trained`, of those where training went. `uncertain`:
+    error that the standard deviations of values that are kept allow. `loads` of the held-out
+    recordings, which `carried` holds. `sample_noise`: that of the held-out force over its rms.
     """
 
     training_before: np.ndarray
@@ -256,47 +243,37 @@ class Gap(HeldOut):
 
     @property
     def held_to(self) -> HeldOut:
-        """What a name is held to: of an end that training did not visit, no law can be known."""
         return self.trained or self
 
     @property
     def largest_before(self) -> np.ndarray:
-        """The larger one of held-out and training error before (j,)."""
         return np.maximum(self.before, self.training_before)
 
-    def over_floor(self, errors: np.ndarray) -> np.ndarray:
-        """Errors (j,) over the noise floor; NaN where none is known."""
-        return errors / np.maximum(self.floor, RESOLUTION)
-
-    def over_samples(self, errors: np.ndarray) -> np.ndarray:
-        """Errors (j,) over what the scatter of samples and surveyed lengths account for."""
+    def over(self, errors: np.ndarray, scatter: str) -> np.ndarray:
+        """Errors (j,) over the noise floor, NaN where none is known, or over what the scatter of
+        samples and surveyed lengths account for.
+        """
+        if scatter == OF_PERIODS:
+            return errors / np.maximum(self.floor, RESOLUTION)
         return errors / np.hypot(self.sample_noise, self.method.surveyed_error)
 
-    def beyond_noise(self, errors: np.ndarray, gates: Gates) -> np.ndarray:
-        """Whether errors (j,) are more than the noise of recordings that repeat a motion, by a
-        factor, more than values that are kept may err, and more than lengths leave that were
-        surveyed.
+    def beyond(self, errors: np.ndarray, gates: Gates, scatter: str) -> np.ndarray:
+        """Whether errors (j,) are more than noise by the `scatter`, than values that are kept may
+        err and, by the scatter of periods, than surveyed lengths leave.
         """
+        periods = scatter == OF_PERIODS
+        factor = gates.floor_factor if periods else gates.sample_noise_factor
         beyond: np.ndarray = (
-            (self.over_floor(errors) > gates.floor_factor)
+            (self.over(errors, scatter) > factor)
             & (errors > gates.floor_factor * self.uncertain)
-            & (errors > self.method.surveyed_error)
-        )
-        return beyond
-
-    def beyond_samples(self, errors: np.ndarray, gates: Gates) -> np.ndarray:
-        """Whether errors (j,) are more than nothing missing leaves, by the scatter of samples: also
-        where no period repeats, or does and scatters with an effect that comes and goes.
-        """
-        beyond: np.ndarray = (self.over_samples(errors) > gates.sample_noise_factor) & (
-            errors > gates.floor_factor * self.uncertain
+            & (errors > self.method.surveyed_error * periods)
         )
         return beyond
 
 
 class Unchanged(NamedTuple):
-    """The part of the gap that no effect changes: training residual (n, c) of the model before,
-    its prediction (n', j) by a learner on the held-out rows, and the simulated motion there.
+    """Training residual (n, c) of the model before, its prediction (n', j) by a learner on the
+    held-out rows, and the simulated motion there.
     """
 
     training: np.ndarray
@@ -305,7 +282,7 @@ class Unchanged(NamedTuple):
 
 
 def unchanged(fit: Fitted) -> Unchanged:
-    """The part of each comparison with the model before that is the same."""
+    """The part of the gap that no effect changes."""
     left, j = residual(fit.evidence, fit.before), len(fit.before.joints)
     expected = predict_elsewhere(fit.evidence.moving, left[:, :j], fit.held_out.moving)
     return Unchanged(left, expected, _motion(fit, fit.before))
@@ -316,9 +293,8 @@ def _motion(fit: Fitted, model: Model) -> MotionValidation:
 
 
 def measure(fit: Fitted, after: Model, method: Method, known: Unchanged) -> Gap:
-    """The model before and the one after on recordings that took no part.
-
-    The one after with the load of each of these, which is a property of that recording.
+    """The model before, and the one after with the load of each recording, on recordings that took
+    no part.
     """
     before, training, held_out = fit.before, fit.evidence, fit.held_out
     j = len(before.joints)
@@ -349,14 +325,12 @@ def measure(fit: Fitted, after: Model, method: Method, known: Unchanged) -> Gap:
 def _errors(
     rows: Evidence, left: Sequence[np.ndarray], noise: np.ndarray, method: Method
 ) -> HeldOut:
-    """Of the used rows: what is `left` (n, c) before, after and by the learner; `noise` (j,)."""
     size = _size(rows)
     before, after, best = (over_zones(rows, values) / size for values in left)
     return HeldOut(rows.joints, before, after, noise / size, np.minimum(best, before), method)
 
 
 def _size(rows: Evidence) -> np.ndarray:
-    """Of the force (j,), above 0."""
     return np.maximum(over_zones(rows, rows.force), np.finfo(float).tiny)
 
 
@@ -392,33 +366,22 @@ SPACING = 0.0125  # Hz, of the frequencies that are asked: finer than a minute r
 HALF_WIDTH = 1.0  # Hz to either side, whose median is the level that a line stands out of
 LOWEST_FREQUENCY = 1.0  # Hz
 HIGHEST_SHARE = 0.2  # of the sampling rate: the highest frequency
-TINY = np.finfo(float).tiny
 
 
-@dataclass(frozen=True)
-class Pulsation:
-    """A line in the force of a joint at a `frequency` [Hz] that the model does not explain.
-
-    `strength`: its rms over that of the joint's force, in the middle one of the recordings.
+class Line(NamedTuple):
+    """A line in the spectrum of a joint at a `frequency` [Hz], its rms over that of the force, and
+    its `clearness`: mean of log(power over level) times sqrt(recordings).
     """
 
     joint: str
     frequency: float
-    strength: float
-
-
-class Line(NamedTuple):
-    """What may be a pulsation, and its `clearness`: log(power over level), its mean over R
-    recordings times sqrt(R).
-    """
-
-    pulsation: Pulsation
+    relative_magnitude: float
     clearness: float
 
 
 def clearest_lines(model: Model, runs: Sequence[Run], fewest: int) -> tuple[Line, ...]:
-    """The clearest line of each joint beside the fitted `model`, whether or not it is clear enough;
-    none where recordings are too short or fewer than `fewest`.
+    """The clearest line of each joint beside the fitted `model`; none if recordings are too short
+    or fewer than `fewest`.
     """
     longest = dict[str, Run]()
     for run in runs:
@@ -436,25 +399,24 @@ def clearest_lines(model: Model, runs: Sequence[Run], fewest: int) -> tuple[Line
     strength = np.median([strength for _, strength in spectra], axis=0)
     best = clear.argmax(axis=0)
     return tuple(
-        Line(Pulsation(joint, float(asked[k]), float(strength[k, j])), float(clear[k, j]))
+        Line(joint, float(asked[k]), float(strength[k, j]), float(clear[k, j]))
         for j, (joint, k) in enumerate(zip(model.joints, best, strict=True))
     )
 
 
-def pulsations(lines: Sequence[Line], thresholds: Thresholds) -> tuple[Pulsation, ...]:
+def pulsations(lines: Sequence[Line], thresholds: Thresholds) -> tuple[Line, ...]:
     """The lines that are clear enough."""
     least = thresholds.gates.pulsation_clearness
-    return tuple(one.pulsation for one in lines if one.clearness > least)
+    return tuple(one for one in lines if one.clearness > least)
 
 
 def _step(run: Run) -> float:
-    """Of the samples [s]."""
     return float(np.diff(run.record.time).mean())
 
 
 def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(f, j) at the frequencies `asked` [Hz] (f,): log of the residual's power over the level
-    around, and the rms of a line there over that of the force.
+    around, and the rms of a line over that of the force.
     """
     force = run.record.needed("force", "a search for pulsation")
     residual = force - model.predict(run.record)
@@ -479,9 +441,8 @@ def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np
 
 @dataclass(frozen=True)
 class Commanded:
-    """Errors on recordings that took no part, a pair of before and after for each horizon.
-
-    Where none can be simulated, `reason` says why.
+    """Errors on recordings that took no part, a pair of before and after for each horizon, or the
+    `reason` why nothing can be simulated.
     """
 
     pairs: tuple[tuple[CommandValidation, CommandValidation], ...] = ()

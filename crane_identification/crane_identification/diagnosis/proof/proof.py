@@ -9,27 +9,14 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from crane_identification.data.column_map import COUNTS
-from crane_identification.diagnosis.decision.judgement import (
-    Judged,
-    Reason,
-    Rejection,
-    folds,
-)
-from crane_identification.diagnosis.fit.evidence import (
-    beside,
-    gather,
-    leading,
-    normed,
-    relative,
-    residual,
-)
+from crane_identification.diagnosis.decision.judgement import Judged, Reason, Rejection, folds
+from crane_identification.diagnosis.fit.evidence import beside, gather, leading, normed, residual
 from crane_identification.diagnosis.fit.fit import Fitted, Training, UndeterminedError, refit_anyway
 from crane_identification.diagnosis.proof.gap import (
     RESOLUTION,
     Gap,
     Learnt,
     Line,
-    Pulsation,
     clearest_lines,
     learn,
     measure,
@@ -40,7 +27,6 @@ from crane_identification.diagnosis.search.candidates import (
     NO_LOAD,
     Candidate,
     ShapedCandidate,
-    with_own_loads,
 )
 from crane_identification.diagnosis.search.projection import whitened_base
 from crane_identification.diagnosis.search.search import Search, left_share, normalized_energy
@@ -60,10 +46,7 @@ SINGULAR_RATIO = 1e-9
 
 
 def within(search: Search, model: Model) -> Model:
-    """The model with its values where these recordings want them, within what is uncertain of them.
-
-    The most likely ones of independent values with these standard deviations.
-    """
+    """The model with the most likely values of these recordings, within their deviations."""
     evidence, white = search.evidence, search.whitener
     assert model.std_devs is not None  # of values that are kept
     regressor = evidence.regressor(model)
@@ -79,10 +62,8 @@ def within(search: Search, model: Model) -> Model:
 
 
 def estimated(search: Search, before: Model, candidates: Sequence[ShapedCandidate]) -> Model:
-    """The model with the parameters of the candidates, and with its other values as they were.
-
-    A changed value is that of these recordings alone: its standard deviation holds what the values
-    that did not change leave uncertain, but not its own from before. `UndeterminedError` where the
+    """The model with the parameters of the candidates, and its other values as they were; the
+    standard deviations hold what the other values leave uncertain. `UndeterminedError` if the
     recordings do not determine them.
     """
     evidence, white = search.evidence, search.whitener
@@ -111,16 +92,13 @@ def estimated(search: Search, before: Model, candidates: Sequence[ShapedCandidat
     return model.with_estimate(values, std_devs, provenance)
 
 
-# A model with effects added, fitted jointly, and the parameters of each.
-
 STEP = 0.02  # relative, of the difference with respect to a shape parameter
 
 
 @dataclass(frozen=True)
 class Value:
-    """One parameter of a finding, linear or shape; not below `minimum`, if any.
-
-    `before` is what it has changed from, with its standard deviation.
+    """One parameter of a finding, linear or shape; `before`: value and standard deviation that it
+    changed from.
     """
 
     name: str
@@ -146,25 +124,20 @@ class Finding:
 
     @property
     def candidate(self) -> Candidate:
-        """The effect and its joint."""
         return self.judged.shaped.candidate
 
     @property
     def added(self) -> np.ndarray:
-        """Coefficients (k,) of the columns of the effect: its values, or by what they changed."""
+        """Coefficients (k,) of the columns of the effect."""
         linear = self.parameters[: len(self.judged.shaped.positive)]
         return np.array([one.change[0] for one in linear])
 
 
 def extended(
-    found: Search,
-    before: Model,
-    judged: Sequence[Judged],
-    training: Training,
+    found: Search, before: Model, judged: Sequence[Judged], training: Training
 ) -> tuple[Model, list[tuple[Value, ...]]]:
-    """The model with the terms, refitted jointly, and the parameters of each.
-
-    `UndeterminedError` where the recordings do not determine all of them.
+    """The model with the terms, refitted jointly, and the parameters of each; `UndeterminedError`
+    if the recordings do not determine all of them.
     """
     if not judged:
         return before, []
@@ -204,7 +177,6 @@ def extended(
 
 
 def _before(model: Model, i: int) -> tuple[float, float]:
-    """Value and standard deviation of a parameter."""
     assert model.std_devs is not None  # changes are sought of a model with values
     return float(model.theta[i]), float(model.std_devs[i])
 
@@ -228,35 +200,29 @@ def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
 def shape_std_devs(
     search: Search, chosen: Sequence[ShapedCandidate], values: Sequence[np.ndarray]
 ) -> list[dict[str, float]]:
-    """One standard deviation of each shape parameter of each candidate, beside everything else.
-
-    Linearized: the derivative of the candidate's force with respect to the parameter is one more
-    column. `values` holds the parameters of each candidate.
+    """One standard deviation of each shape parameter of each candidate with these `values`, beside
+    everything else; linearized.
     """
     evidence, white = search.evidence, search.whitener
-    base = [white(one.columns) for one in chosen]
-    out: list[dict[str, float]] = []
-    slopes, keys = [], []
-    for number, (one, value) in enumerate(zip(chosen, values, strict=True)):
-        out.append({})
-        for name in one.candidate.shapes:
-            middle = one.shape[name]
-            ends = [
-                evidence.columns(one.term.model_copy(update={name: middle * (1.0 + s)}))
-                for s in (-STEP, STEP)
-            ]
-            slope = (ends[1] - ends[0]) @ value / (2.0 * STEP * middle)
-            slopes.append(white(slope))
-            keys.append((number, name))
-    if not slopes:
+    keys = [(k, name) for k, one in enumerate(chosen) for name in one.candidate.shapes]
+    out: list[dict[str, float]] = [{} for _ in chosen]
+    slopes = []
+    for k, name in keys:
+        term, middle = chosen[k].term, chosen[k].shape[name]
+        low, high = (
+            evidence.columns(term.model_copy(update={name: middle * (1.0 + s)}))
+            for s in (-STEP, STEP)
+        )
+        slopes.append(white((high - low) @ values[k] / (2.0 * STEP * middle)))
+    if not keys:
         return out
-    columns = np.concatenate([np.stack(slopes, axis=1), *base], axis=1)
+    columns = np.concatenate([np.stack(slopes, axis=1), *(white(one.columns) for one in chosen)], 1)
     columns = beside(search.base.basis, columns)
     size = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     gram = (columns / size).T @ (columns / size)
     spread = np.sqrt(np.abs(np.diag(np.linalg.pinv(gram, rcond=1e-10)))) / size
-    for (number, name), std in zip(keys, spread, strict=False):
-        out[number][name] = float(std)
+    for (k, name), std in zip(keys, spread, strict=False):
+        out[k][name] = float(std)
     return out
 
 
@@ -267,13 +233,10 @@ def shape_std_devs(
 
 @dataclass(frozen=True)
 class Trial:
-    """`model` is that with the `effects`, fitted; `values` are the parameters of each.
-
-    `zero` are further effects whose parameters may as well be zero, or are no more than usual.
-
-    On the training recordings: its `residual` (n, c), `energy` (c,) of it in units of the noise,
-    and `left_share` of the energy beyond noise where the effects act. `learning` tries to learn the
-    residual, beyond what is uncertain of values that are kept.
+    """`model` is that with the `effects`, fitted; `values` are the parameters of each; `zero` are
+    further effects whose parameters may as well be zero. On the training recordings: its `residual`
+    (n, c), `energy` (c,) of it in units of the noise, and `left_share` of the energy beyond noise
+    where the effects act.
     """
 
     effects: tuple[Judged, ...]
@@ -293,7 +256,7 @@ class Trial:
 
     @cached_property
     def learnt(self) -> Learnt:
-        """What could be learnt; it takes a second and more, so only where it is asked for."""
+        """What could be learnt of the residual; it takes a second and more."""
         return self.learning()
 
     @cached_property
@@ -310,10 +273,8 @@ class Trial:
 
 
 def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Thresholds) -> Trial:
-    """The model with effects; those whose parameters may as well be zero, or are no
-    more than usual, are left out.
-
-    `UndeterminedError` where the recordings do not determine all parameters.
+    """The model with those of the effects whose parameters differ from zero; `UndeterminedError` if
+    the recordings do not determine all parameters.
     """
     chosen = tuple(effects)
     while True:
@@ -348,8 +309,8 @@ def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Th
 
 
 def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
-    """Whether a parameter of an effect is not zero, or has changed, by more than so many standard
-    deviations, and by more than is usual; shapes alone say nothing.
+    """Whether a linear parameter of an effect differs from zero by more than so many standard
+    deviations, and by more than is usual.
     """
     changes = [value.change for value in values[: len(one.shaped.positive)]]
     usual = one.shaped.candidate.effect.usual
@@ -366,9 +327,7 @@ class Short(NamedTuple):
 @dataclass(frozen=True)
 class Proof:
     """The effects that close the held-out `gap` where they act, in a `trial`; `short` do not.
-
-    `before` is the trial without any; `lines` are the clearest of each joint in the spectrum of
-    what the `trial` leaves, `pulsations` those that are clear enough.
+    `lines` are the clearest of each joint in the spectrum of what the `trial` leaves.
     """
 
     before: Trial
@@ -376,7 +335,7 @@ class Proof:
     gap: Gap
     short: tuple[Short, ...] = ()
     lines: tuple[Line, ...] = ()
-    pulsations: tuple[Pulsation, ...] = ()
+    pulsations: tuple[Line, ...] = ()
 
 
 def proved(
@@ -386,10 +345,8 @@ def proved(
     thresholds: Thresholds,
     progress: Progress = silent,
 ) -> Proof:
-    """The `wanted` effects, strongest first, without those that fall short beside the others.
-
-    They are taken out one at a time, the weakest first: it may be what the others fall short by.
-    What the strongest close may hide that a further one is worse than none.
+    """The `wanted` effects, strongest first, without those that fall short beside the others; they
+    are taken out one at a time, the weakest first.
     """
     before = tried(fit, search, (), thresholds)
     progress("what is left", 0.5)
@@ -415,10 +372,8 @@ def proved(
 
 
 def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> Rejection | None:
-    """Why effects only resemble what is missing; None if they are what is missing.
-
-    They leave most of the energy beyond noise where they act, and explain less than half of what a
-    learner explains besides: what is left is systematic, but not of their form.
+    """Why effects only resemble what is missing: they leave most of the energy beyond noise where
+    they act, and explain less than half of what a learner explains besides.
     """
     least = thresholds.method.simple_share
     if trial.left_share <= 1.0 - least or (share := trial.explained(before)) >= least:
@@ -445,18 +400,9 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> Rejection | None
     return Rejection(Reason.CLOSED, closed, least, errors=tuple(map(held_to.change, own)))
 
 
-def left_held_out(fit: Fitted, search: Search, effects: Sequence[Judged]) -> np.ndarray:
-    """What the model with the effects leaves of the held-out recordings (n, c), each with a load
-    of its own.
-    """
-    model, _ = extended(search, fit.before, effects, fit.training)
-    carried, _ = with_own_loads(model, fit.evidence, fit.held_out)
-    return residual(fit.held_out, carried)
-
-
 def _simple(one: Judged, share: float) -> bool:
-    """Whether an effect is unlikely to be but like what is missing: it helps wherever it is asked,
-    and no other is as good. One that a shape bends towards that leads by this share of its score.
+    """Whether an effect helps wherever it is asked, and no other is as good; one that a shape bends
+    leads by this share of its score.
     """
     asked = one.held_out[np.isfinite(one.held_out)]
     bent = one.shaped.shape or one.shaped.candidate.drawn
@@ -464,37 +410,6 @@ def _simple(one: Judged, share: float) -> bool:
     return alone and bool((asked > 0.0).all())
 
 
-@dataclass(frozen=True)
-class Nearest:
-    """Effects that come closest to what is missing, strongest first, and why they are rejected, in
-    words.
-
-    `explained`: share of the energy beyond noise where they act. Held-out errors (j,) `before` and
-    `after` they are added; these are NaN where the recordings do not determine them.
-    """
-
-    joints: tuple[str, ...]
-    effects: tuple[Judged, ...]
-    explained: float
-    before: np.ndarray
-    after: np.ndarray
-    objection: str
-
-
-def nearest(fit: Fitted, search: Search, effects: Sequence[Judged], objection: str) -> Nearest:
-    """What `effects` would do to the fitted model."""
-    before, held_out = fit.before, fit.held_out
-    old = relative(held_out, residual(held_out, before))
-    try:
-        new = relative(held_out, left_held_out(fit, search, effects))
-    except UndeterminedError:
-        new = np.full_like(old, np.nan)
-    left = left_share(search, [one.shaped for one in effects])
-    return Nearest(
-        joints=before.joints,
-        effects=tuple(effects),
-        explained=float(np.clip(1.0 - left, 0.0, 1.0)),
-        before=old,
-        after=new,
-        objection=objection,
-    )
+def found_effect(one: Candidate) -> dict[str, str]:
+    """The fields of an effect and its place in findings.json."""
+    return {"effect": one.type, "name": one.effect.name, "joint": one.where}

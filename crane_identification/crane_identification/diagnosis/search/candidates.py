@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -54,11 +54,7 @@ def one_each(evidence: Evidence) -> Loads:
 
 
 def heavier(evidence: Evidence, cls: type[Term]) -> tuple[Loads, ...]:
-    """One load in the heaviest recording, in the two heaviest, and so on, in all but the lightest.
-
-    By a mass in each recording, estimated beside the model, all but a common one. Whatever
-    recordings are loaded, they are the heaviest.
-    """
+    """One load in the heaviest recording, in the two heaviest, and so on up to all but one."""
     columns = evidence.columns(cls.model_validate({LOADS: one_each(evidence)}))
     masses = evidence.roughly(columns)[-columns.shape[2] :]
     order = np.argsort(-masses, kind="stable").tolist()
@@ -66,10 +62,8 @@ def heavier(evidence: Evidence, cls: type[Term]) -> tuple[Loads, ...]:
 
 
 def agreeing(information: np.ndarray, score: np.ndarray, variance: float) -> list[list[int]]:
-    """The recordings grouped by mass, lightest first.
-
-    `information` (b, b) and `score` (b,) are those of the masses, with unit noise; `variance` is
-    what noise and all that no mass explains have really.
+    """The recordings grouped by mass, lightest first. `information` (b, b) and `score` (b,) are
+    those of the masses, `variance` is what noise and all that no mass explains have.
     """
     masses = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ score
     groups = [[int(i)] for i in np.argsort(masses, kind="stable")]
@@ -101,9 +95,8 @@ def _of_groups(
 
 @dataclass(frozen=True)
 class Weighed:
-    """What a held-out `recording` carries [kg] beyond the lightest of those trained on.
-
-    `found`: whether none of those differ, so that it is news that this one does.
+    """What a held-out `recording` carries [kg] beyond the lightest of those trained on; `found` if
+    none of those differ.
     """
 
     recording: str
@@ -123,11 +116,9 @@ def with_own_loads(
 def weighed(
     model: Model, held_out: Evidence, left: np.ndarray, usual: np.ndarray
 ) -> tuple[Model, tuple[Weighed, ...]]:
-    """The model with the load of each held-out recording, and these loads.
-
-    `left` (n, c) is what the model leaves there, `usual` (c,) the rms of what it leaves in
-    training. Where those trained on carry the same, a load is put in only if it makes of a residual
-    that is clearly larger a usual one.
+    """The model with the load of each held-out recording, and these loads. `left` (n, c) is what
+    the model leaves there, `usual` (c,) its rms in training. If those trained on carry the same, a
+    load must make of a clearly larger residual a usual one.
     """
     term = _term_of_loads(model)
     if term is None:
@@ -135,7 +126,7 @@ def weighed(
     known, loads = term.carried, one_each(held_out)
     columns = held_out.columns(term.model_copy(update={LOADS: loads}))
     weight = np.where(held_out.used, 1.0 / np.where(usual > 0.0, usual, np.inf), 0.0)
-    found, put, values = [], [], []
+    found: dict[int, Weighed] = {}
     for k, source in enumerate(held_out.sources):
         inside = held_out.bag == k
         rows, used = weight[inside], held_out.used[inside]
@@ -151,18 +142,17 @@ def weighed(
             abs(mass) > MASS_SIGMAS * spread and POWER_RATIO * rest < power and rest < POWER_RATIO
         )
         if known or sure:
-            put.append(loads[k])
-            values.append(mass)
-            found.append(Weighed(source, mass, spread, not known))
-    if not put:
+            found[k] = Weighed(source, mass, spread, not known)
+    if not found:
         return model, ()
-    grown = term.model_copy(update={LOADS: (*known, *put)})
+    values = [one.mass for one in found.values()]
+    grown = term.model_copy(update={LOADS: (*known, *(loads[k] for k in found))})
     if not known:
         theta, terms = np.append(model.theta, values), (*model.terms, grown)
     else:
         theta = np.insert(model.theta, model.part(term).stop, values)
         terms = tuple(grown if one == term else one for one in model.terms)
-    return replace(model, terms=terms, values=theta, std_devs=None), tuple(found)
+    return replace(model, terms=terms, values=theta, std_devs=None), tuple(found.values())
 
 
 def _term_of_loads(model: Model) -> Term | None:
@@ -193,11 +183,13 @@ LARGEST_GRID = 16  # shapes of a candidate; between them, the best is refined
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect on one joint, or on the whole machine (`joint` is None), at any shape.
-
-    `given`: fields that the model gives; `parts`: which recordings may differ from the others, for
-    a term of `loads`.
+    """An effect on one joint, or on the whole machine (`joint` is None), at any shape. `given`:
+    fields that the model gives; `parts`: loads that recordings may differ by. It `changes` a term
+    that the model has, or its model form is `drawn`.
     """
+
+    changes: ClassVar[bool] = False
+    drawn: ClassVar[bool] = False
 
     term: type[Term]
     joint: str | None
@@ -206,42 +198,27 @@ class Candidate:
 
     @property
     def effect(self) -> Effect:
-        """What people call it."""
         assert self.term.effect is not None  # candidates have one
         return self.term.effect
 
     @property
     def shapes(self) -> Mapping[str, Shape]:
         """The shape parameters that are sought."""
-        return self.term.shapes
-
-    @property
-    def changes(self) -> bool:
-        """Whether it is a change of what the model has, and not an effect that it lacks."""
-        return False
-
-    @property
-    def drawn(self) -> bool:
-        """Whether its law is a shape, as it was found, and no formula."""
-        return False
+        return {} if self.changes or self.drawn else self.term.shapes
 
     @property
     def type(self) -> str:
-        """Its name in model files."""
         return str(self.term.model_fields["type"].default)
 
     @property
     def where(self) -> str:
-        """The joint, or `all`."""
         return self.joint or WHOLE
 
     @property
     def label(self) -> str:
-        """How a message names it: effect and joint."""
         return f"{self.effect.name} ({self.where})"
 
     def at(self, shape: Mapping[str, Any]) -> Term:
-        """The term with these shape parameters."""
         joint = {} if self.joint is None else {"joint": self.joint}
         return self.term.model_validate({"type": self.type, **joint, **dict(self.given), **shape})
 
@@ -262,11 +239,9 @@ class Candidate:
 
 @dataclass(frozen=True)
 class ShapedCandidate:
-    """A candidate at one shape: its term, its columns (n, j, k) on the evidence, and their signs.
-
-    `positive` (k,): where the parameter must not be negative; `seen`: share of the norm of the
-    term, wherever it acts, that is in used samples; `damped`: ratio of rms to which the filter of
-    the rows has damped it.
+    """A candidate at one shape: its term, its columns (n, j, k), and where (k,) its parameters must
+    not be negative. `seen`: share of the norm that is in used samples; `damped`: ratio of rms to
+    which the filter of the rows has damped it.
     """
 
     candidate: Candidate
@@ -278,9 +253,7 @@ class ShapedCandidate:
     damped: float = 1.0
 
     def joints(self, names: Sequence[str]) -> list[int]:
-        """Numbers of the joints (`names`) on which it acts: its own, or, of an effect of the whole
-        machine, those where its columns are not zero.
-        """
+        """Numbers of the joints (`names`) on which it acts."""
         if self.candidate.joint is not None:
             return [names.index(self.candidate.joint)]
         acting = self.columns.any(axis=(0, 2)).reshape(-1, len(names)).any(axis=0)
@@ -288,7 +261,7 @@ class ShapedCandidate:
 
 
 def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
-    """Every candidate on every joint of the fitted model, without those that the model has."""
+    """Every candidate on every joint of the fitted model that it does not have."""
     present = {(kind, term.only_joint) for term in model.terms for kind in (term.type, *term.draws)}
     out = []
     for cls in candidates(model.setting):
@@ -306,9 +279,8 @@ def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
 
 
 def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None) -> Given:
-    """The fields of a term that hold values of parameters of the model.
-
-    These are what they are beside the term: without it, parameters make up for it.
+    """The fields of a term that hold values of parameters of the model, as they are beside the
+    term.
     """
     known = [p.name for p in model.parameters]
     places = {
@@ -337,9 +309,7 @@ def _settled(before: np.ndarray, after: np.ndarray) -> bool:
 
 
 def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any]) -> ShapedCandidate:
-    """`candidate` at `shape` on the evidence, as far as that shows it; `CraneError` where it cannot
-    be observed.
-    """
+    """`candidate` at `shape` on the evidence, as far as that shows it."""
     term = candidate.at(shape)
     found = evidence.shown(term)
     shown = found.columns[evidence.used].any(axis=0)
@@ -359,21 +329,20 @@ def observed(
     """The candidates at their shapes, and why some, or some of their parameters, are not observable
     in these recordings.
     """
-
-    def shaped(number: int) -> tuple[list[ShapedCandidate], str]:
+    found: list[ShapedCandidate] = []
+    absent = {}
+    for number, candidate in enumerate(wanted):
         progress("candidates", (number + 1) / len(wanted))
         try:
-            own = [at_shape(evidence, wanted[number], shape) for shape in wanted[number].grid()]
+            own = [at_shape(evidence, candidate, shape) for shape in candidate.grid()]
             lost = _not_shown(own, evidence.model.setting)
         except CraneError as error:
-            return [], str(error)
-        return own, f"{', '.join(lost)}: no recording comes where it would show" if lost else ""
-
-    found = [shaped(number) for number in range(len(wanted))]
-    absent = {
-        candidate: reason for candidate, (_, reason) in zip(wanted, found, strict=True) if reason
-    }
-    return [each for shapes, _ in found for each in shapes], absent
+            absent[candidate] = str(error)
+            continue
+        found += own
+        if lost:
+            absent[candidate] = f"{', '.join(lost)}: no recording comes where it would show"
+    return found, absent
 
 
 def _not_shown(shapes: Sequence[ShapedCandidate], setting: Setting) -> list[str]:
@@ -393,21 +362,12 @@ def _not_shown(shapes: Sequence[ShapedCandidate], setting: Setting) -> list[str]
 class Change(Candidate):
     """A change of the parameters of a term that the model has, at the shape that it has."""
 
+    changes = True
+
     own: Term = field(kw_only=True)
 
     @property
-    def changes(self) -> bool:
-        """Of a term that is there."""
-        return True
-
-    @property
-    def shapes(self) -> Mapping[str, Shape]:
-        """None is sought."""
-        return {}
-
-    @property
     def effect(self) -> Effect:
-        """That of the term, or one made of its name."""
         known = self.term.effect or Effect(
             name=self.type.replace("_", " "),
             signature="the pattern of this term of the model",
@@ -417,7 +377,6 @@ class Change(Candidate):
         return known._replace(name=f"changed {known.name}")
 
     def at(self, shape: Mapping[str, Any]) -> Term:
-        """The term as it is."""
         return self.own
 
 

@@ -41,9 +41,8 @@ class _Pick(NamedTuple):
 
 @dataclass(frozen=True)
 class Whitener:
-    """Turns rows (n, c, ...) of the evidence into N independent rows of variance one.
-
-    `row`, `channel` and `zone` (N,) say where each comes from; `noise` holds the autoregressions.
+    """Turns rows (n, c, ...) of the evidence into N independent rows of variance one. `row`,
+    `channel` and `zone` (N,) say where each comes from.
     """
 
     noise: tuple[Autoregression | None, ...]
@@ -67,10 +66,8 @@ class Whitener:
 
 
 def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
-    """From the residual of the `largest` model: its columns (n, c, K) beside the base.
-
-    Noise is what no model explains: estimated beside a smaller model it would hold the effects
-    that are sought, and whitening would remove them.
+    """From the residual of the `largest` model: its columns (n, c, K) beside the base. Beside a
+    smaller model, noise would hold the effects that are sought.
     """
     noise: list[Autoregression | None] = []
     picks: list[_Pick] = []
@@ -118,11 +115,9 @@ def _noise(
 
 def _used_before(used: np.ndarray, first: np.ndarray, highest: int) -> np.ndarray:
     """(n,) used rows directly before each, of the same run, up to `highest`."""
-    count = np.zeros(len(used), dtype=int)
-    for k in range(1, len(used)):
-        if used[k - 1] and not first[k]:
-            count[k] = min(count[k - 1] + 1, highest)
-    return count
+    row = np.arange(len(used))
+    none = first | ~np.concatenate([[False], used[:-1]])
+    return np.minimum(row - np.maximum.accumulate(np.where(none, row, 0)), highest)
 
 
 def _by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:
@@ -170,9 +165,8 @@ class Projection:
     """Candidates as columns (N, K) of norm one beside the base, and the residual (N,) of the base.
 
     `owner` (K,) is the number of the candidate of each column, `positive` (K,) its sign constraint,
-    `largest` (K,) the size of its coefficient, beyond which it is no such effect, `scale` (K,) what
-    one unit of the parameter weighs, `visibility` per candidate, that of its least visible column
-    in the zone that most of its rest lies in.
+    `scale` (K,) what one unit of the parameter weighs, `visibility` per candidate, that of its
+    least visible column in the zone that most of its rest lies in.
     """
 
     candidates: tuple[ShapedCandidate, ...]
@@ -185,34 +179,31 @@ class Projection:
 
     @cached_property
     def largest(self) -> np.ndarray:
-        """Of the coefficients (K,), by the size that the parameters of an effect may have."""
+        """Limits of the coefficients (K,)."""
         limits = np.array([one.candidate.effect.largest for one in self.candidates])
         return limits[self.owner] * self.scale
 
     @cached_property
     def gram(self) -> np.ndarray:
-        """Inner products of the columns (K, K)."""
         return self.columns.T @ self.columns
 
     @cached_property
     def score(self) -> np.ndarray:
-        """Inner products of the columns with the residual (K,)."""
         return self.columns.T @ self.residual
 
     @cached_property
     def root(self) -> np.ndarray:
-        """R (K, K) with R R^T the Gram matrix: from white noise to scores."""
+        """R (K, K) with R R^T the Gram matrix."""
         power, vectors = np.linalg.eigh(self.gram)
         return vectors * np.sqrt(np.maximum(power, 0.0))
 
     @cached_property
     def columns_of(self) -> tuple[np.ndarray, ...]:
-        """The columns of each candidate."""
         return tuple(np.flatnonzero(self.owner == i) for i in range(len(self.candidates)))
 
     @cached_property
     def effect(self) -> np.ndarray:
-        """Number (candidates,) of the effect of each candidate, in the order of the first ones."""
+        """Number (candidates,) of the effect of each candidate."""
         known: dict[Candidate, int] = {}
         numbers = (known.setdefault(one.candidate, len(known)) for one in self.candidates)
         return np.array(list(numbers), dtype=int)
@@ -233,7 +224,6 @@ class Projection:
         }
 
     def kept(self, wanted: np.ndarray) -> Self:
-        """The candidates marked in `wanted` (candidates,) alone."""
         numbers = np.flatnonzero(wanted)
         columns = np.isin(self.owner, numbers)
         return type(self)(
@@ -247,7 +237,6 @@ class Projection:
         )
 
     def joined(self, other: Self) -> Self:
-        """These candidates, then those of `other`."""
         grown = replace(
             self,
             candidates=self.candidates + other.candidates,
@@ -328,10 +317,6 @@ def larger_sets(
 ) -> LargerSets:
     """The sets with one candidate more than those of `beam`, without those that are `refused`, and
     from the number `first` on.
-
-    Sets in which a parameter has the wrong sign do not count: without that candidate they are no
-    worse. Nor do those in which one is larger than its effect may be: columns that are nearly the
-    same fit anything, if their values are opposite.
     """
     found: LargerSets = {}
     for start in beam:
@@ -345,10 +330,7 @@ def larger_sets(
 def extended(
     projection: Projection, start: Subset, refused: Collection[Candidate] = (), first: int = 0
 ) -> Iterator[Subset]:
-    """`start` with each further candidate, at its best shape, where signs and sizes are right.
-
-    The best shape has the largest gain by the Schur complement of the Gram matrix.
-    """
+    """`start` with each further candidate, at its best shape, where signs and sizes are right."""
     inside = np.array([c for i in start.numbers for c in projection.columns_of[i]], dtype=int)
     beside = BesideSet(projection, inside)
     gains = np.full(len(projection.candidates), -np.inf)
@@ -396,7 +378,7 @@ class BesideSet:
         self.score = self.of(projection.score)
 
     def of(self, score: np.ndarray) -> np.ndarray:
-        """Return the `score` (K, ...) of a force after the projection of the columns."""
+        """The `score` (K, ...) of a force after the projection of the columns."""
         return np.asarray(score - self.mixed.T @ score[self._inside])
 
     def blocks(self, columns: np.ndarray) -> np.ndarray:
@@ -410,7 +392,7 @@ def constrained(
     gram: np.ndarray, score: np.ndarray, positive: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solutions (m, k) of m systems gram (m, k, k) values = score (m, k) with the `positive` values
-    that would be negative at zero, and which (m,) have one: none where columns coincide.
+    that would be negative at zero, and which (m,) have one.
     """
     free, apart = np.ones(score.shape, dtype=bool), np.ones(len(score), dtype=bool)
     values, asked = np.zeros(score.shape), np.arange(len(score))
@@ -429,10 +411,8 @@ def constrained(
 
 
 def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
-    """Joint solution of a set of candidates; None where a sign is wrong, a parameter is larger than
+    """Joint solution of a set of candidates; None if a sign is wrong, a parameter is larger than
     its effect may be, or columns coincide.
-
-    A constrained parameter of a candidate with several may rest at zero.
     """
     columns = np.concatenate([projection.columns_of[i] for i in numbers])
     gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
@@ -441,7 +421,6 @@ def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
 
 
 def _subset(projection: Projection, numbers: tuple[int, ...], values: np.ndarray) -> Subset | None:
-    """The set with these coefficients, if each effect has one and none is larger than may be."""
     columns = np.concatenate([projection.columns_of[i] for i in numbers])
     begins = np.cumsum([0, *(len(projection.columns_of[i]) for i in numbers[:-1])])
     possible = (np.abs(values) <= projection.largest[columns]).all()

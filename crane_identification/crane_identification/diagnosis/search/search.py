@@ -45,7 +45,6 @@ from crane_model.terms import (
     NONPARAMETRIC_TERMS,
     Effect,
     NonparametricTerm,
-    Shape,
     Term,
     unlisted_signatures,
 )
@@ -60,32 +59,22 @@ from crane_model.terms import (
 class Drawn(Candidate):
     """The effect of `term` with its law drawn `by` another term, at the knots that are `given`."""
 
+    drawn = True
+
     by: type[NonparametricTerm] = field(kw_only=True)
 
     @property
-    def drawn(self) -> bool:
-        """It is, by values at knots."""
-        return True
-
-    @property
-    def shapes(self) -> Mapping[str, Shape]:
-        """None is sought: it is linear."""
-        return {}
-
-    @property
     def effect(self) -> Effect:
-        """That of the law, by its signature alone."""
         known = super().effect
         return known._replace(name=f"{known.name}, shape as drawn", signature=self.by.said)
 
     def at(self, shape: Mapping[str, Any]) -> Term:
-        """The shape at its knots."""
         return self.by.model_validate({"joint": self.joint, **dict(self.given)})
 
 
 class ForceSignature(NamedTuple):
-    """What a force on a joint depends on, whatever the law: in words, the `types` of the effects
-    that have it, none where the catalogue knows no such effect, its term and the columns (n, c, k).
+    """What a force on a joint depends on, in words; the `types` of the effects that have this
+    signature, none if the catalogue knows no such effect; its term and the columns (n, c, k).
     """
 
     said: str
@@ -96,14 +85,14 @@ class ForceSignature(NamedTuple):
 
 @dataclass(frozen=True)
 class Shapes:
-    """What is drawn over some evidence, each once, when it is asked for; nothing without any."""
+    """What is drawn over some evidence, each once, when it is asked for."""
 
     evidence: Evidence | None = None
     drawn: dict[Candidate, ShapedCandidate | None] = field(default_factory=dict)
     strange: dict[str, tuple[ForceSignature, ...]] = field(default_factory=dict)
 
     def of(self, candidate: Candidate) -> ShapedCandidate | None:
-        """The effect with its law drawn; None where nothing draws it."""
+        """The effect with its law drawn; None if nothing draws it."""
         if candidate not in self.drawn:
             self.drawn[candidate] = (
                 None if self.evidence is None else _drawn(self.evidence, candidate)
@@ -123,13 +112,13 @@ class Shapes:
 
 
 def shape_of(candidate: Candidate) -> type[NonparametricTerm] | None:
-    """The term that draws the law of an effect; None where none does, and of changes."""
+    """The term that draws the law of an effect; None if none does, and of changes."""
     free = candidate.joint is not None and not candidate.changes
     return NONPARAMETRIC_TERMS.get(candidate.type) if free else None
 
 
 def _stranger(evidence: Evidence, term: Term) -> ForceSignature | None:
-    """The signature of a term; None where what it follows was not logged."""
+    """The signature of a term; None if what it follows was not logged."""
     try:
         return ForceSignature(term.unlisted_signature, (), term, evidence.columns(term))
     except CraneError:
@@ -155,8 +144,7 @@ def _drawn(evidence: Evidence, candidate: Candidate) -> ShapedCandidate | None:
 @dataclass(frozen=True)
 class Search:
     """Evidence, its whitening and base, and all candidates beside it; `sets` are the best of no
-    effect, of one, and so on, each size best first. `shapes` are drawn beside the selection.
-    `seen`: share of the energy of friction that used rows see, at the shape of which it is least.
+    effect, of one, and so on. `seen`: least share of the energy of friction that used rows see.
     """
 
     evidence: Evidence
@@ -170,11 +158,10 @@ class Search:
     shapes: Shapes = field(default_factory=Shapes)
 
     def number(self, shaped: ShapedCandidate) -> int:
-        """Which of the candidates of the projection it is."""
         return next(i for i, one in enumerate(self.projection.candidates) if one is shaped)
 
     def together(self, wanted: Iterable[ShapedCandidate]) -> Subset:
-        """The set of these candidates of the projection; `NOTHING` if they have no solution."""
+        """The set of these candidates; `NOTHING` if they have no solution."""
         numbers = tuple(map(self.number, wanted))
         return (solve(self.projection, numbers) if numbers else None) or NOTHING
 
@@ -239,21 +226,17 @@ def unexplained_on_joints(search: Search, subset: Subset) -> np.ndarray:
 
 
 def _by_channel(search: Search, power: np.ndarray) -> np.ndarray:
-    """The sum (c,) of what whitened rows (N,) have in each channel."""
     return np.bincount(search.whitener.channel, power, search.evidence.used.shape[1])
 
 
 def unexplained_beside(search: Search, subset: Subset, place: int) -> float:
-    """What a set leaves unexplained where one of its effects acts; 0 where that is but noise."""
+    """What a set leaves unexplained where one of its effects acts, at least 0."""
     left = unexplained(search, subset)[channels(search, subset.numbers[place])].sum()
     return max(float(left), 0.0)
 
 
 def left_share(search: Search, wanted: Sequence[ShapedCandidate]) -> float:
-    """Share of the energy beyond noise that these together leave where they act; 0 for none.
-
-    Noise is an estimate, so that what is left may be a little less than nothing.
-    """
+    """Share of the energy beyond noise that these together leave where they act; 0 for none."""
     subset = search.together(wanted)
     own = sorted({int(c) for number in subset.numbers for c in channels(search, number)})
     before, after = (unexplained(search, one)[own].sum() for one in (NOTHING, subset))
@@ -270,16 +253,13 @@ def energy_shares(search: Search, number: int) -> np.ndarray:
 
 def acting(evidence: Evidence, columns: np.ndarray, values: np.ndarray) -> float:
     """Root mean square of an effect, columns (n, c, k) with these values (k,), over that of the
-    drive force of its joint: what the manual calls its strength.
+    drive force of its joint.
     """
     return float(np.nan_to_num(relative(evidence, columns @ values)).max())
 
 
 def strength(search: Search, number: int, score: float) -> float:
-    """Root mean square of what a candidate of this score explains, over that of its joint's force.
-
-    That is the part of the effect that shows beside the model.
-    """
+    """Root mean square of what a candidate of this score explains over that of the force."""
     return float(strengths(search, score * energy_shares(search, number)).max())
 
 
@@ -291,9 +271,7 @@ def strength_on(search: Search, gain: float, j: int) -> float:
 
 
 def strengths(search: Search, energy: np.ndarray) -> np.ndarray:
-    """Root mean square (j,) of what has so much energy (c,) on each joint, over that of its force;
-    energy below zero, as noise may leave it, is none.
-    """
+    """Root mean square (j,) of what has so much energy (c,) over that of the force of the joint."""
     evidence, joints = search.evidence, len(search.evidence.joints)
     variance = np.array([0.0 if one is None else one.variance for one in search.whitener.noise])
     power = (np.maximum(energy, 0.0) * variance).reshape(-1, joints).sum(axis=0)
@@ -304,9 +282,8 @@ def strengths(search: Search, energy: np.ndarray) -> np.ndarray:
 
 
 def detectable(search: Search, threshold: float) -> float:
-    """Strength at which nearly all of the testable candidates would reach the threshold.
-
-    Infinite where none is testable.
+    """Strength at which nearly all of the testable candidates would reach the threshold; infinite
+    if none is testable.
     """
     strengths: dict[Candidate, float] = {}
     candidates = search.projection.candidates
@@ -318,11 +295,9 @@ def detectable(search: Search, threshold: float) -> float:
 
 
 def named_from(search: Search, threshold: float, gate: float) -> dict[str, float]:
-    """By joint: the strength from which nearly all of the testable candidates there are named, of
-    the effect itself, before it is filtered to rows; infinite where none is testable.
-
-    Its score reaches the `threshold`, what shows of it the `gate`, its value what is usual. Of
-    the shapes of a candidate the median counts: nobody knows that of the machine.
+    """By joint: the strength from which nearly all of the testable candidates are named, before it
+    is filtered to rows; infinite if none is testable. Of the shapes of a candidate the median
+    counts.
     """
     strengths: dict[Candidate, list[float]] = {}
     for number, shaped in enumerate(search.projection.candidates):
@@ -336,8 +311,8 @@ def named_from(search: Search, threshold: float, gate: float) -> dict[str, float
 
 
 def _named_from(search: Search, number: int, threshold: float, gate: float) -> float:
-    """Strength of a candidate at its shape from which it is named, by its least visible column;
-    infinite where one does not show.
+    """Strength of a candidate at its shape from which its score reaches the `threshold`, what shows
+    of it the `gate`, and its value what is usual; infinite if a column does not show.
     """
     projection = search.projection
     shaped, columns = projection.candidates[number], projection.columns_of[number]
@@ -360,7 +335,7 @@ def normalized_energy(search: Search, left: np.ndarray) -> np.ndarray:
 
 
 def testable_share(search: Search) -> float:
-    """Share of the effects that would show beside the model, of those that are observable."""
+    """Share of the observable effects that would show beside the model."""
     tested = {shaped.candidate for shaped in search.projection.candidates}
     return len(tested) / max(len(tested) + len(search.untestable), 1)
 

@@ -102,16 +102,13 @@ class ForwardSelection:
         self._larger = {key: one for key, one in self._larger.items() if allowed(one)}
 
     def best(self, size: int) -> Subset | None:
-        """The best set of so many effects; None if there is none."""
         sets = self.sets(size)
         return self._regrouped(sets[0]) if sets else None
 
     def added(self, candidate: Candidate, shape: dict[str, Any]) -> int:
-        """The number of a candidate that is added."""
         return self._joined(self._alone(candidate, shape))
 
     def add(self, shaped: ShapedCandidate) -> int:
-        """The number of a candidate at its shape, now that the search has it."""
         return self._joined(project(self.search.whitener, self.search.base, [shaped]))
 
     def _alone(self, candidate: Candidate, shape: dict[str, Any]) -> Projection:
@@ -125,15 +122,13 @@ class ForwardSelection:
         return one
 
     def _joined(self, one: Projection) -> int:
-        """The number of the single candidate of `one`, now that the search has it."""
         projection = self.search.projection.joined(one)
         self.search = replace(self.search, projection=projection)
         return len(projection.candidates) - 1
 
     def refine(self, subset: Subset) -> Subset:
-        """The set with the shapes of its candidates refined, at which they are added.
-
-        Of loads, which recordings have one in common.
+        """The set with the shapes of its candidates refined, at which they are added; of loads,
+        which recordings have one in common.
         """
         subset = self._regrouped(subset)
         for place in range(len(subset.numbers)):
@@ -148,9 +143,8 @@ class ForwardSelection:
         return subset
 
     def _grouped(self, subset: Subset, place: int) -> Subset:
-        """The set with one load for each group of recordings that agree, beside its other effects.
-
-        The lightest group has none: masses count from it. More loads than that would gain more.
+        """The set with one load for each group of recordings that agree, beside its other effects;
+        the lightest group has none.
         """
         search, projection = self.search, self.search.projection
         candidate = projection.candidates[subset.numbers[place]].candidate

@@ -5,16 +5,25 @@ used, is not asked for. Breakaway is over once a joint has slid some tenths of a
 has not been moving by then for as long as the estimate of its velocity needs, no row has seen it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence, beside, leading
+from crane_identification.diagnosis.fit.evidence import (
+    MOST_SHARE,
+    TINY,
+    VISIBLE_SHARE,
+    Evidence,
+    Run,
+    beside,
+    leading,
+)
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import (
     FORCE_CORRELATION,
+    SINGULAR_SHARE,
     Base,
     Projection,
     Whitener,
@@ -26,42 +35,44 @@ from crane_model.terms import Term
 # Where it pulls one way, a shape over it that differs between the directions of motion can be the
 # force less a constant: it explains all of it, noise included, of any machine.
 
-MADE_OF_FORCE_SHARE = 0.5
-"""Share of the energy of a force which nothing explains, above which a shape that explains it is
-made of it. Chosen on four machines of the benchmark; over loads of one sign nearly all of it is
-explained, but over those of many telescopes more than half, so that no shape is drawn there either.
-"""
+
+def _with_force(evidence: Evidence, force: Callable[[Run], np.ndarray]) -> Evidence:
+    """The evidence with another force (samples, j) in the records of its runs."""
+    runs = (replace(run, record=replace(run.record, force=force(run))) for run in evidence.runs)
+    return replace(evidence, runs=tuple(runs))
 
 
 def with_predicted_force(evidence: Evidence) -> Evidence:
     """The evidence with the force that the model predicts in place of the measured one."""
-    runs = []
-    for run in evidence.runs:
-        force = evidence.model.regressor(run.record) @ evidence.values
-        runs.append(replace(run, record=replace(run.record, force=force)))
-    return replace(evidence, runs=tuple(runs))
+    return _with_force(evidence, lambda run: _predicted(evidence, run))
+
+
+def _predicted(evidence: Evidence, run: Run) -> np.ndarray:
+    return evidence.model.regressor(run.record) @ evidence.values
 
 
 def is_the_force_itself(evidence: Evidence, term: Term, joint: str) -> bool:
     """Whether a term on a joint explains a force that no load makes: what the model leaves there,
-    turned round in time within each run, once it is part of the measured force.
+    turned round in time within each run.
     """
     j = evidence.joints.index(joint)
-    runs, rows = [], []
-    for run, predicted in zip(evidence.runs, with_predicted_force(evidence).runs, strict=True):
-        measured, force = (
-            one.record.needed("force", "a diagnosis").copy() for one in (run, predicted)
-        )
+
+    def turned(run: Run) -> np.ndarray:
+        measured, force = run.record.needed("force", "a diagnosis"), _predicted(evidence, run)
         force[:, j] += (measured - force)[::-1, j]
-        runs.append(replace(run, record=replace(run.record, force=force)))
-        rows.append(run.filtered(force[..., np.newaxis])[:, j, 0])
-    made = replace(evidence, runs=tuple(runs))
+        return force
+
+    made = _with_force(evidence, turned)
+    rows = [
+        run.filtered(run.record.needed("force", "a diagnosis")[..., np.newaxis])[:, j, 0]
+        for run in made.runs
+    ]
     used, known = evidence.used[:, j], evidence.base[:, j]
     known = leading(known[used], known.shape[1])
     rest = beside(known, np.concatenate(rows)[used])
     columns = beside(known, made.columns(term)[used, j])
     alone = leading(columns, columns.shape[1])
-    return bool(((alone.T @ rest) ** 2).sum() > MADE_OF_FORCE_SHARE * (rest @ rest))
+    return bool(((alone.T @ rest) ** 2).sum() > MOST_SHARE * (rest @ rest))
 
 
 # Shapes by which the measured force explains its own noise: the force at other instants.
@@ -70,18 +81,11 @@ def is_the_force_itself(evidence: Evidence, term: Term, joint: str) -> bool:
 # The force that the model predicts has none: a reading that is late shows in that, too.
 
 LEAD = "lead"  # shape parameter [s]
-SHORT = 0.015  # s, in which filtered noise hardly changes, so that its change is none of itself
-FOUND_SHARE = 0.5
-"""Of a gain by the measured force, that a late reading of the predicted one has. Chosen on delays
-of the benchmark, on one of a single chamber, which has least (`test_late.py`), and on a real robot
-without a delay (`test_kuka_kr300.py`).
-"""
+SHORT = 0.015  # s, in which filtered noise hardly changes
 
 
 def holds_noise(one: ShapedCandidate) -> bool:
-    """Whether a column holds the noise of the force itself, which it would take for what is known
-    where noise is estimated.
-    """
+    """Whether a column holds the noise of the force itself."""
     return float(one.shape.get(LEAD, 0.0)) > SHORT
 
 
@@ -89,7 +93,7 @@ def of_own_noise(
     evidence: Evidence, whitener: Whitener, base: Base, found: list[ShapedCandidate]
 ) -> tuple[np.ndarray, set[Candidate]]:
     """Which (candidates,) may explain but noise by itself, and their effects: those that show less
-    in the predicted force, whatever their shape, than in the measured one.
+    in the predicted force than in the measured one.
     """
     numbers = [number for number, one in enumerate(found) if LEAD in one.shape]
     predicted = with_predicted_force(evidence) if numbers else evidence
@@ -102,20 +106,20 @@ def of_own_noise(
     noisy = set()
     for candidate in {found[number].candidate for number in numbers}:
         same = [number for number in numbers if found[number].candidate == candidate]
-        if late[same].max() < FOUND_SHARE * own[same].max():
+        if late[same].max() < MOST_SHARE * own[same].max():
             noisy.add(candidate)
-    out = [holds_noise(one) for one in found] | (late < FOUND_SHARE * own)
+    out = [holds_noise(one) for one in found] | (late < MOST_SHARE * own)
     return out & [one.candidate in noisy for one in found], noisy
 
 
 def _late(evidence: Evidence, delay: float) -> Evidence:
     """The evidence, with its force as it is shown `delay` [s] later."""
-    runs = []
-    for run in evidence.runs:
+
+    def shown(run: Run) -> np.ndarray:
         true = run.record.needed("force", "a diagnosis")
-        shown = np.stack([run.record.shifted(one, -delay) for one in true.T], axis=1)
-        runs.append(replace(run, record=replace(run.record, force=shown)))
-    return replace(evidence, runs=tuple(runs))
+        return np.stack([run.record.shifted(one, -delay) for one in true.T], axis=1)
+
+    return _with_force(evidence, shown)
 
 
 def _gain(whitener: Whitener, base: Base, columns: np.ndarray) -> float:
@@ -125,7 +129,6 @@ def _gain(whitener: Whitener, base: Base, columns: np.ndarray) -> float:
     return float(((rest.T @ base.residual) ** 2).sum()) / power if power > 0.0 else 0.0
 
 
-TINY = np.finfo(float).tiny
 ITSELF_TOLERANCE, ITSELF_CORRELATION = 0.05, 0.95
 """The measured force explains itself with the coefficient one: a column that is within this
 tolerance of that and correlated with the residual by more than this is made of it, as |tau| sgn(v)
@@ -133,7 +136,6 @@ is where friction is all that the force overcomes."""
 OWN_SHARE = 0.1
 """Share of what a column of measured force shows beside the model, in energy, that is not there in
 one of the force that the model predicts: it is the residual itself, which explains itself."""
-ROUNDING_SHARE = 1e-6  # share of a column's norm that is more than rounding
 SEEN_SHARE = 0.1
 """Share of the norm of a column within the used rows, below which it is not sought there: ten times
 as much friction would have to be where none is seen."""
@@ -143,19 +145,16 @@ def visible(
     projection: Projection, evidence: Evidence, whitener: Whitener
 ) -> tuple[np.ndarray, dict[Candidate, str]]:
     """Which (candidates,) can be tested, and why others cannot."""
-    candidates = [shaped.candidate for shaped in projection.candidates]
-    least = np.array([_least(candidate) for candidate in candidates])
-    shows = projection.visibility >= least
     itself = _force_itself(projection, evidence, whitener)
     itself |= _made_of_the_residual(projection, evidence, whitener, itself)
-    wanted = shows & np.array([candidate not in itself for candidate in candidates], dtype=bool)
+    candidates = [shaped.candidate for shaped in projection.candidates]
     reasons = {f: "its column is the measured force itself" for f in candidates if f in itself}
+    reasons |= _usual(projection)
+    shows = projection.visibility >= [_least(candidate) for candidate in candidates]
+    wanted = shows & np.array([one not in reasons for one in candidates], dtype=bool)
     best: dict[Candidate, float] = {}
     for candidate, share in zip(candidates, projection.visibility, strict=True):
         best[candidate] = max(best.get(candidate, 0.0), float(share))
-    usual = _usual(projection)
-    wanted &= np.array([candidate not in usual for candidate in candidates], dtype=bool)
-    reasons |= usual
     for candidate, share in best.items():
         if share < _least(candidate):
             reasons[candidate] = (
@@ -168,8 +167,8 @@ def visible(
 
 
 def _usual(projection: Projection) -> dict[Candidate, str]:
-    """Candidates whose parameters, each estimated by itself, are those of any sound machine; none
-    where one of them is not, beside which others may be larger.
+    """Candidates whose parameters are those of any sound machine; none if one of them is not,
+    beside which others may be larger.
     """
     found = {}
     for shaped, own in zip(projection.candidates, projection.columns_of, strict=True):
@@ -188,17 +187,13 @@ def _usual(projection: Projection) -> dict[Candidate, str]:
 
 
 def _least(candidate: Candidate) -> float:
-    """The least visibility needed, in the zone that shows an effect: friction with memory is
-    Coulomb's but for the reversals. Of a change, which has the form of the model's own term, any.
-    """
-    return ROUNDING_SHARE if candidate.changes else VISIBLE_SHARE
+    """The least visibility needed; of a change, which has the form of the model's own term, any."""
+    return SINGULAR_SHARE if candidate.changes else VISIBLE_SHARE
 
 
 def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Candidate]:
-    """Candidates of one joint with a column that is, beside the model there, the residual there.
-
-    Asked on the rows of that joint alone: what the joints share in the base, and the residual of
-    the others, would hide it.
+    """Candidates of one joint with a column that is, on the rows of that joint beside the model,
+    the residual there.
     """
     joints = evidence.model.joints
     force, base = whitener(evidence.force), whitener(evidence.base)
@@ -224,9 +219,7 @@ def _made_of_the_residual(
     projection: Projection, evidence: Evidence, whitener: Whitener, found: set[Candidate]
 ) -> set[Candidate]:
     """Further candidates that follow the measured force and, beside the model, what it does not
-    predict.
-
-    Friction that follows a load, where most of the force is friction: |tau| sgn(v) is tau again.
+    predict: friction |tau| sgn(v) is tau again where most of the force is friction.
     """
     wanted = {
         shaped.candidate: shaped
@@ -255,10 +248,8 @@ def _made_of_the_residual(
 
 
 class LeftOut(NamedTuple):
-    """Friction in rows that are left out.
-
-    `hidden` (tried,): which shapes are not sought. `whole`: the reason for candidates of which none
-    is. `seen`: of each candidate, the least share of its energy in used rows.
+    """Friction in rows that are left out: `hidden` (tried,) shapes, why a `whole` candidate is
+    hidden, and the least share of its energy that is `seen`.
     """
 
     hidden: np.ndarray
@@ -268,12 +259,10 @@ class LeftOut(NamedTuple):
 
 def left_out(tried: Sequence[ShapedCandidate]) -> LeftOut:
     """Compare what used rows show of each candidate, at each shape, with what is needed."""
-    friction = [one.term.is_friction() for one in tried]
-    hidden = np.array(
-        [rubs and one.seen < SEEN_SHARE for one, rubs in zip(tried, friction, strict=True)]
-    )
-    shares: dict[Candidate, list[float]] = {}
-    for one, rubs in zip(tried, friction, strict=True):
+    hidden, shares = [], dict[Candidate, list[float]]()
+    for one in tried:
+        rubs = one.term.is_friction()
+        hidden.append(rubs and one.seen < SEEN_SHARE)
         if rubs:
             shares.setdefault(one.candidate, []).append(one.seen)
     whole = {
@@ -282,4 +271,5 @@ def left_out(tried: Sequence[ShapedCandidate]) -> LeftOut:
         for candidate, own in shares.items()
         if max(own) < SEEN_SHARE
     }
-    return LeftOut(hidden, whole, {candidate: min(own) ** 2 for candidate, own in shares.items()})
+    seen = {candidate: min(own) ** 2 for candidate, own in shares.items()}
+    return LeftOut(np.array(hidden), whole, seen)

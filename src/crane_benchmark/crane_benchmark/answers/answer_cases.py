@@ -21,6 +21,7 @@ from crane_identification.diagnosis.answer import Verdict
 from crane_identification.diagnosis.decision.judgement import null_gains
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Findings
+from crane_identification.diagnosis.proof.gap import OF_PERIODS, OF_SAMPLES
 from crane_identification.diagnosis.search.search import Search, strength
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds, load_thresholds
@@ -325,8 +326,8 @@ def statistics(diagnosis: Diagnosis) -> AnswerStatistics:
         accepted=accepted / quantile,
         learner=law,
         relative_magnitude=max([law, *(size for _, size in single[:1])]),
-        floor=float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
-        sample_noise=float(gap.over_samples(gap.largest_before).max()),
+        floor=float(np.nan_to_num(gap.over(gap.largest_before, OF_PERIODS)).max()),
+        sample_noise=float(gap.over(gap.largest_before, OF_SAMPLES).max()),
         pulsation=max((line.clearness for line in diagnosis.proof.lines), default=0.0),
         flow=max((quantity.share for quantity in quantities if quantity.missing), default=0.0),
         flow_left=max((flow.unexplained for flow in diagnosis.flow.found), default=0.0),

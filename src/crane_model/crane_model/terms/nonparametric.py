@@ -41,8 +41,7 @@ class NonparametricTerm(OneJointTerm):
     their signature in words. Where laws of one signature differ in how they bend, `families` has
     the curves (knots, m) of each over the knots, the last of which is at 1, `falling` those whose
     force falls and is straight from the knot `straight_from` on, `slope_of` and `height_of` the
-    types of the terms that hold the slope of the shape and its height at rest. Where every law of
-    the signature `rises` with x, the shape is 0 at its first knot alone, and has one factor.
+    types of the terms that hold the slope of the shape and its height at rest.
     """
 
     said: ClassVar[str]
@@ -56,7 +55,6 @@ class NonparametricTerm(OneJointTerm):
     slope_of: ClassVar[str | None] = None
     height_of: ClassVar[str | None] = None
     straight: ClassVar[bool] = False
-    rises: ClassVar[bool] = False
 
     knots: tuple[float, ...]
 
@@ -326,7 +324,6 @@ class NonparametricPositionForce(NonparametricTerm):
     spacing = tuple(k / 8 for k in range(9))
     kept = tuple(range(1, 9))
     times = ("1",)
-    rises = True
     symbols = (
         Parameter(
             "k_place_{knot}", "{force}", None, "force at knot {knot} beyond that at the lower end"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.page import fold_bars, folds, grouped_bars, span
+from crane_identification.diagnosis.page import fold_bars, folds, span
 from crane_identification.diagnosis.residuals import feature_unit, unit_of
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
@@ -37,11 +37,6 @@ def test_folds_of_training_recordings_are_called_that() -> None:
     assert axis == "training recording left out of the fit"
     blocks = folds(1, ("block 1 of 3", "block 2 of 3", "block 3 of 3"), gains, set(BAGS))
     assert "each part of the training data" in blocks.caption
-
-
-def test_hovering_a_hundred_percent_shows_no_power_of_ten() -> None:
-    (bars,) = grouped_bars(["axis"], [("share", "--before", np.array([100.0]))], "x")["data"]
-    assert "~r" in bars["hovertemplate"] and "text" not in bars
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ from crane_identification.diagnosis.answer import with_left
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.findings import NearbySignature, UnknownPlace, Verdict
 from crane_identification.diagnosis.fit.evidence import gather
+from crane_identification.diagnosis.residuals import left_elsewhere
 from crane_identification.diagnosis.search.candidates import candidates_of
 from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.unknown import left_elsewhere
 from crane_identification.diagnosis.words import unknown_title
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare

@@ -8,7 +8,7 @@ import pytest
 from crane_identification.diagnosis.fit.evidence import Run
 from crane_identification.diagnosis.proof.gap import (
     SPACING,
-    Pulsation,
+    Line,
     clearest_lines,
     pulsations,
 )
@@ -22,7 +22,7 @@ FORCE = 1e3  # N, rms
 THRESHOLDS = load_thresholds()
 
 
-def found(model: Model, given: list[Run]) -> tuple[Pulsation, ...]:
+def found(model: Model, given: list[Run]) -> tuple[Line, ...]:
     """By the gate of the package."""
     lines = clearest_lines(model, given, THRESHOLDS.method.pulsation_recordings)
     return pulsations(lines, THRESHOLDS)
@@ -70,7 +70,7 @@ def test_a_line_in_all_recordings_is_found_with_its_frequency_and_strength(model
     (one,) = found(model, runs(model, 8, 0.01))
     assert one.joint == "other"
     assert one.frequency == pytest.approx(LINE, abs=2.0 * SPACING)
-    assert one.strength == pytest.approx(0.01, rel=0.1)
+    assert one.relative_magnitude == pytest.approx(0.01, rel=0.1)
 
 
 def test_swinging_booms_and_driven_motion_are_no_pulsation(model: Model):

@@ -36,7 +36,7 @@ def asked(columns: Columns, missing: np.ndarray) -> Search:
 
 
 def lacking(made: Search) -> set[str]:
-    _, threshold = by_chance(made, NOTHING, THRESHOLDS)
+    threshold = by_chance(made, NOTHING, THRESHOLDS)
     found = on_several_joints(made, threshold, THRESHOLDS)
     return {made.projection.candidates[number].candidate.label for number in found.numbers}
 

@@ -19,19 +19,15 @@ from crane_identification.data.log import Log, Signal
 from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.decision import signatures
 from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.signatures import covered
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
-from crane_identification.diagnosis.search.projection import solve
+from crane_identification.diagnosis.search.candidates import candidates_of
 from crane_identification.diagnosis.search.search import Shapes
 from crane_identification.diagnosis.search.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import load_model, save_model
-from crane_model.terms import REGISTRY
-from crane_model.terms.nonparametric import hats
 
 FORCE = 3.0  # N rms of what is added
 SEEDS = range(5)  # four recordings to train on, one to validate on
@@ -175,51 +171,6 @@ def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
     command = "ros2 run crane_trajectory design --discriminate out --out out/discriminate.yaml"
     assert "The next experiment" in text and command in text
     assert words.next_step(result.results().plain(), Path("out"))[0].endswith(command)
-
-
-def test_a_further_effect_explains_what_no_shape_of_the_first_one_does() -> None:
-    """What `k q` leaves of another spring is no second effect; what else is beside it is."""
-    q, other = made.normal(1), made.normal(2)
-    columns = {"hose_stiffness": q, "pressure_offset": q**3, "actuator_inertia": other}
-    known = made.searched(columns, 9.0 * np.tanh(q) + 4.0 * other)
-    laws = {one.candidate.type: one.candidate for one in known.projection.candidates}
-    shape = made.shaped("hose_stiffness", hats(q, tuple(np.linspace(-3.0, 3.0, 9)))[:, 1:])
-    known = replace(known, shapes=Shapes(drawn=dict.fromkeys(laws.values())))
-    known.shapes.drawn[laws["hose_stiffness"]] = shape
-    numbers = {one.candidate.type: n for n, one in enumerate(known.projection.candidates)}
-    for second, expected in (("pressure_offset", True), ("actuator_inertia", False)):
-        subset = solve(known.projection, (numbers["hose_stiffness"], numbers[second]))
-        assert subset is not None
-        assert covered(known, subset, load_thresholds()) is expected
-
-
-@pytest.mark.parametrize(("second", "expected"), [("maxwell_slip", True), ("backlash", False)])
-def test_another_law_of_an_effect_is_no_second_one(second: str, expected: bool) -> None:
-    """What presliding leaves of the machine's own law, Maxwell slip explains, which is presliding;
-    backlash is another effect.
-    """
-    columns = {"presliding": made.normal(1), second: made.normal(2)}
-    shapes = {"presliding": {"travel": 0.01}, second: {_of(second): 0.01}}
-    candidates = [
-        replace(
-            made.shaped("hose_stiffness", column[:, np.newaxis]),
-            candidate=Candidate(REGISTRY[kind], "axis"),
-            shape=shapes[kind],
-        )
-        for kind, column in columns.items()
-    ]
-    base = made.normal(99)
-    force = made.MASS * base + 9.0 * columns["presliding"] + 1.5 * columns[second]
-    known = made.search(made.evidence(force + made.normal(100), base[:, np.newaxis]), candidates)
-    subset = solve(known.projection, (0, 1))
-    assert subset is not None
-    assert covered(known, subset, load_thresholds()) is expected
-
-
-def _of(kind: str) -> str:
-    """The shape parameter of an effect that has one."""
-    (name,) = REGISTRY[kind].shapes
-    return name
 
 
 def test_effects_pass_with_the_law_that_fits_and_take_the_name_of_the_bend(

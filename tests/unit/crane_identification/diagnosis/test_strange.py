@@ -26,7 +26,6 @@ from crane_identification.diagnosis.search.search import (
     ForceSignature,
     Search,
     Shapes,
-    beside_lengths,
     gained,
     search,
 )
@@ -116,7 +115,7 @@ def bends(made: Search, known: list[np.ndarray]) -> bool:
     lead = max(leads)
     one = bending[leads.index(lead)]
     assert lead > 100.0
-    return is_of_lengths(made, beside_lengths(made), known, one.columns, THRESHOLDS)
+    return is_of_lengths(made, known, one.columns, THRESHOLDS)
 
 
 def test_what_lengths_that_are_off_leave_bends_with_a_pressure() -> None:
@@ -175,5 +174,5 @@ def test_little_of_a_strong_effect_is_the_form_of_its_law(law: float, kept: bool
     known = replace(made_up, shapes=Shapes(made_up.evidence, strange={"axis": (strange,)}))
     shaped = known.projection.candidates[0]
     found = cast(Judged, Mock(shaped=shaped, score=law))
-    beyond = with_strange(known, [found], 50.0, THRESHOLDS).beyond
+    beyond = with_strange(known, [found], 50.0, THRESHOLDS)[1]
     assert bool(beyond) is kept

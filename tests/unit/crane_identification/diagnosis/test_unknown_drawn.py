@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
-from crane_identification.diagnosis import unknown
+from crane_identification.diagnosis import residuals
 from crane_identification.diagnosis.search.search import ForceSignature
 from crane_model.terms import NonparametricCurve
 
@@ -28,7 +28,7 @@ def test_what_no_recording_reaches_is_drawn_without_a_spread(seed: int) -> None:
     )
     there = np.stack([columns, np.zeros_like(columns)], axis=1)
     signature = SimpleNamespace(term=term, columns=there)
-    (drawn,) = unknown._best_curves(made, cast(ForceSignature, signature), False)
+    (drawn,) = residuals._best_curves(made, cast(ForceSignature, signature), False)
     std_devs = np.asarray(drawn.std_devs)
     assert np.isfinite(std_devs).all()
     assert std_devs[list(UNREACHED)] == pytest.approx(0.0, abs=1e-9)

@@ -10,7 +10,7 @@ import pytest
 from crane_identification.diagnosis.answer import Answer, Reach, judge, with_loads, with_pulsation
 from crane_identification.diagnosis.decision.judgement import Judged, Reason, Rejection
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.proof.gap import Gap, Learnt, Pulsation
+from crane_identification.diagnosis.proof.gap import OF_SAMPLES, Gap, Learnt, Line
 from crane_identification.diagnosis.proof.proof import Proof, Short, Trial, Value, differs
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, Weighed
 from crane_identification.thresholds import load_thresholds
@@ -75,7 +75,6 @@ def effect(
         ),
         score=1000.0,
         threshold=50.0,
-        null=np.ones(3),
         held_out=np.ones(6),
         fold_names=tuple("abcdef"),
         runner_up=None,
@@ -83,7 +82,6 @@ def effect(
         needed=50.0,
         correlation=0.5,
         indistinct=tuple(Candidate(REGISTRY[one], "outer_boom") for one in indistinct),
-        visibility=0.5,
         strength=0.01,
     )
 
@@ -167,7 +165,7 @@ def test_recordings_that_do_not_suffice_are_not_asked_for_the_scatter_of_samples
 def test_beside_a_name_the_scatter_of_samples_is_not_asked() -> None:
     """A real machine leaves more than its sensors' noise beside any effect."""
     seen = gap(0.2, 0.03, floor=0.04)
-    assert seen.beyond_samples(seen.after, THRESHOLDS.gates).any()
+    assert seen.beyond(seen.after, THRESHOLDS.gates, OF_SAMPLES).any()
     assert answer(after=AFTER, seen=seen).verdict is Verdict.NAMED
 
 
@@ -252,7 +250,7 @@ def test_a_value_within_its_deviation_differs_from_nothing(values, expected: boo
 
 
 def test_a_pulsation_beside_a_name_is_something_more() -> None:
-    line = Pulsation("outer_boom", 2.7, 0.01)
+    line = Line("outer_boom", 2.7, 0.01, 9.0)
     assert with_pulsation(Answer(Verdict.NAMED, "x"), (line,)).verdict is Verdict.AND_MORE
     assert with_pulsation(Answer(Verdict.NONE, "x"), (line,)).verdict is Verdict.UNKNOWN
     told = with_pulsation(Answer(Verdict.INSUFFICIENT, "record more"), (line,))

@@ -24,7 +24,7 @@ from crane_identification.diagnosis.decision.decision import Decision
 from crane_identification.diagnosis.decision.judgement import Reason, Rejection
 from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.flow import Flow, Gain, Quantity
-from crane_identification.diagnosis.proof.gap import Line, Pulsation, pulsations
+from crane_identification.diagnosis.proof.gap import Line, pulsations
 from crane_identification.diagnosis.proof.proof import Proof, objection
 
 CLOSED = gap(0.0113, 0.0006)
@@ -107,10 +107,9 @@ def test_what_a_law_takes_along_in_the_flow_has_no_name(share: float, count: int
 
 
 def test_a_pulsation_is_a_line_that_is_clear_enough() -> None:
-    line = Pulsation("outer_boom", 2.7, 0.01)
     least = THRESHOLDS.gates.pulsation_clearness
-    found = pulsations([Line(line, least), Line(line, 1.01 * least)], THRESHOLDS)
-    assert found == (line,)
+    weak, clear = (Line("outer_boom", 2.7, 0.01, times * least) for times in (1.0, 1.01))
+    assert pulsations([weak, clear], THRESHOLDS) == (clear,)
     assert with_pulsation(Answer(Verdict.NONE, "x"), ()).verdict is Verdict.NONE
 
 

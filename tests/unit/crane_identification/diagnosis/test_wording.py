@@ -32,14 +32,11 @@ def finding(**more: Any) -> dict[str, Any]:
         "carried_in": {},
         "score": 7630.2,
         "threshold": 46.5,
-        "false_alarm_rate": 0.05,
         "runner_up": {"effect": "hose_stiffness", "name": "hose stiffness", "joint": "outer_boom"},
         "margin": 4625.9,
         "margin_needed": 76.1,
-        "visibility": 0.39,
         "relative_magnitude": 0.04,
         "visible_magnitude": 0.0071,
-        "held_out_gains": {},
         "discriminated_by": "the same motion with raised back-pressure",
     } | more
 
@@ -47,11 +44,9 @@ def finding(**more: Any) -> dict[str, Any]:
 def side(outer: float) -> dict[str, Any]:
     noise = {
         "noise_floor": 0.0005,
-        "sample_noise": 0.0006,
         "best_achievable": 0.0012,
         "motion_error": 0.0004,
     }
-    noise |= {"motion_displacement": 0.3, "motion_reason": ""}
     return {
         "inner_boom": {"force_relative_error": 0.0004, **noise},
         "outer_boom": {"force_relative_error": outer, **noise},
@@ -63,15 +58,14 @@ def region(variable: str, low: float, high: float, unit: str) -> dict[str, Any]:
 
 
 def place(share: float, where: dict[str, Any]) -> dict[str, Any]:
-    return {"energy_share": share, "motion_error": 0.0004, "region": where}
+    return {"energy_share": share, "region": where}
 
 
 PRESSURE = region("pressure sum of outer_boom", 20396674.4, 22380688.8, "Pa")
 
 
 def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, Any]:
-    noise = {"white": False, "correlation": 0.3, "learnable_share": 0.0, "systematic": False}
-    noise["beyond_noise"] = False
+    noise = {"learnable_share": 0.0, "systematic": False, "beyond_noise": False}
     return {
         "verdict": verdict,
         "reason": "the effects explain 100% of what can be explained",
@@ -90,7 +84,7 @@ def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, A
         },
         "left": dict.fromkeys(("inner_boom", "outer_boom"), noise | {"region": PRESSURE}),
         "undetermined": [],
-        "clock": {"through_session": True, "reason": None},
+        "clock": None,
         "needs_units": [],
         "warnings": [],
         "without": [],
@@ -202,7 +196,7 @@ def test_unknown_says_what_is_nearest_and_why_that_does_not_do() -> None:
 
 
 def test_what_is_left_beside_names_is_said() -> None:
-    left = {"white": False, "correlation": 0.8, "learnable_share": 0.3, "systematic": True}
+    left = {"learnable_share": 0.3, "systematic": True}
     left |= {"beyond_noise": True, "region": PRESSURE}
     said = text(content("named_and_more", finding(), left={"outer_boom": left}))
     assert (
@@ -214,9 +208,8 @@ def test_what_is_left_beside_names_is_said() -> None:
 def test_nothing_is_left_out_without_a_word() -> None:
     nine = [finding(joint=f"joint_{i}") for i in range(9)]
     hidden = {"effect": "offset", "joint": "outer_boom", "reason": "a parameter does the same"}
-    known = {"unexplained_share": 0.01, "correlation_left": 0.1}
-    known |= {"known_time": 59.0, "recorded_time": 60.0, "worn": False}
-    flow = {"outer_boom": {"edge_gains": {}, "quantities": {}, **known}}
+    known = {"unexplained_share": 0.01, "known_time": 59.0, "recorded_time": 60.0}
+    flow = {"outer_boom": {"quantities": {}, **known}}
     said = text(content("named", *nine, not_testable=[hidden, hidden], flow=flow))
     assert "9. load-dependent" in said
     assert (
@@ -228,8 +221,6 @@ def test_nothing_is_left_out_without_a_word() -> None:
 def test_what_exceeds_the_scatter_between_periods_is_not_called_noise() -> None:
     """The reason of the verdict, though no learner finds its law."""
     left = {
-        "white": True,
-        "correlation": 0.1,
         "learnable_share": 0.0,
         "systematic": False,
         "region": None,
