@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
-from crane_bags.clocks import NANOSECONDS, SetBack, clock_step, set_back
+from crane_bags.clocks import MAX_JUMP_NS, NANOSECONDS, SetBack, clock_step, set_back
 from crane_bags.decoding import Table, cells, concatenate, decode
 from crane_bags.storage import StoredBag, announced, blocks, connections, messages, open_bag
 from crane_bags.types import CAN_FRAMES, DRIVER_STATE, JOINT_STATES, Topic, typestore
@@ -238,7 +238,9 @@ def in_order(
     stamp = table.stamp if stamped_by == "header" else log_time
     behind = np.maximum.accumulate(stamp) - stamp
     step = clock_step(stamp, log_time)
-    if step is None and behind.max() > MAX_DISORDER_NS:
+    # a recorder lets messages overtake one another, but its own clock does not go back
+    set_back_too = (np.diff(log_time)[np.diff(stamp) < 0] < 0).any()
+    if step is None and behind.max() > (MAX_JUMP_NS if set_back_too else MAX_DISORDER_NS):
         step = int(behind.argmax()), -int(behind.max())
     if step is not None:
         row, change = step

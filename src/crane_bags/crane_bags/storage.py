@@ -73,13 +73,19 @@ class StoredBag(Reader):
         )
 
     def _compare(self, folder: DirectoryReader) -> None:
-        """Correct what metadata.yaml states of `folder` where the files hold more."""
+        """Correct what metadata.yaml states of `folder`: types, and counts if files hold more."""
         stored = [connection for file in _storages(self) for connection in file.connections]
         for topic in dict.fromkeys(connection.topic for connection in stored):
             held = sum(connection.msgcount for connection in stored if connection.topic == topic)
             stated = [
                 k for k, connection in enumerate(folder.connections) if connection.topic == topic
             ]
+            file = next(connection for connection in stored if connection.topic == topic)
+            for k in stated:
+                if folder.connections[k].msgtype != file.msgtype:
+                    folder.connections[k] = folder.connections[k]._replace(
+                        msgtype=file.msgtype, msgdef=file.msgdef, digest=file.digest
+                    )
             count = Count(sum(folder.connections[k].msgcount for k in stated), held)
             if count.held <= count.stated:
                 continue
@@ -89,8 +95,7 @@ class StoredBag(Reader):
                 more = first.msgcount + count.held - count.stated
                 folder.connections[stated[0]] = first._replace(msgcount=more)
             else:
-                new = next(connection for connection in stored if connection.topic == topic)
-                folder.connections.append(new._replace(msgcount=count.held))
+                folder.connections.append(file._replace(msgcount=count.held))
 
 
 def _read_on(file: McapReader) -> None:
@@ -271,6 +276,13 @@ def _explain(path: Path, error: Exception) -> str:
     for file in _storage_files(path):
         if not _closed(file):
             return f"the bag was not closed properly: {file.name} has no end; {_remedy(path)}"
+    held = [file.name for file in _storage_files(path)]
+    if path.is_dir() and held and "files are missing" in str(error):
+        return (
+            f"metadata.yaml names files that are not there ({error}); the folder holds "
+            f"{', '.join(held)}: give it the name that is stated, or name the file itself: "
+            f"{path / held[0]}"
+        )
     return f"the bag is damaged or incomplete: {error or type(error).__name__}; copy it again"
 
 

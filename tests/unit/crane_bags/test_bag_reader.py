@@ -144,6 +144,26 @@ def test_the_files_decide_how_many_messages_there_are(
     )
 
 
+def test_the_files_decide_of_which_type_a_topic_is(
+    five_messages: list[Message], write_bag: BagMaker
+) -> None:
+    path = write_bag(five_messages)
+    text = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(text.replace(JOINT_STATES.msgtype, "std_msgs/msg/String"))
+    check_five_messages(joint_states(path))
+
+
+def test_a_clock_that_all_messages_follow_back_was_set(
+    joint_state: Serializer, write_bag: BagMaker
+) -> None:
+    """By less than messages may overtake one another in a recording, but its clock goes back."""
+    step, back = 10_000_000, 150_000_000
+    times = [START + k * step - back * (k >= 50) for k in range(100)]
+    path = write_bag([(time, joint_state(time, ["slew"], [0.0])) for time in times])
+    with pytest.raises(DataError, match=r"the clock steps back by 0\.140 s at message 50"):
+        joint_states(path)
+
+
 def test_one_stamp_for_all_messages_is_no_time(
     joint_state: Serializer, write_bag: BagMaker
 ) -> None:
