@@ -276,6 +276,13 @@ def _explain(path: Path, error: Exception) -> str:
     for file in _storage_files(path):
         if not _closed(file):
             return f"the bag was not closed properly: {file.name} has no end; {_remedy(path)}"
+    if isinstance(error, KeyError) and MCAP_MAGIC in map(_magic, _storage_files(path)):
+        return (
+            f"a topic has a schema of the kind {error}, and topics of ROS 2 have ros2msg or "
+            "ros2idl; keep those alone: mcap filter BAG.mcap -o OUT.mcap --include-topic-regex ..."
+        )
+    if "Profile is not" in str(error):
+        return f"the header of the file does not say that it is of ROS 2; {_remedy(path)}"
     held = [file.name for file in _storage_files(path)]
     if path.is_dir() and held and "files are missing" in str(error):
         return (
@@ -290,6 +297,11 @@ def _remedy(path: Path) -> str:
     """Remedy for a bag whose recorder was killed, or is still at work."""
     folder = path if path.is_dir() else path.with_suffix("")
     return f"mend it: ros2 run crane_nodes recover {path} --out {folder}_recovered"
+
+
+def _magic(file: Path) -> bytes:
+    with file.open("rb") as content:
+        return content.read(len(MCAP_MAGIC))
 
 
 def _closed(file: Path) -> bool:

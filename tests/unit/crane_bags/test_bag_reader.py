@@ -194,6 +194,30 @@ def test_many_chunks_and_two_publishers(
     check_five_messages(joint_states(path))
 
 
+def test_a_file_without_the_profile_of_ros_is_written_anew(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.finish()
+    remedy = f"recover {path} --out {tmp_path / 'foreign'}_recovered"
+    with pytest.raises(DataError, match=f"does not say that it is of ROS 2; .*{remedy}"):
+        joint_states(path)
+
+
+def test_a_schema_that_is_not_of_ros_is_told(five_messages: list[Message], tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("foxglove.Log", "jsonschema", b"{}")
+        channel = writer.register_channel("/log", "json", schema)
+        writer.add_message(channel, START, b"{}", START)
+        writer.finish()
+    with pytest.raises(DataError, match="a schema of the kind 'jsonschema', and topics of ROS 2"):
+        joint_states(path)
+
+
 def test_record_longer_than_its_chunk(five_messages: list[Message], tmp_path: Path) -> None:
     """No checksum tells, the lengths do."""
     path = tmp_path / "foreign.mcap"
