@@ -168,7 +168,7 @@ def _evidence(value: np.ndarray, stamps: np.ndarray, times: np.ndarray) -> float
     The noise around straight lines is that of Cauchy, which outliers and rests spoil least; its
     scale is the median, and a step of the encoder.
     """
-    evidence = 0.0
+    evidence, value = 0.0, np.where(np.isfinite(value), value, np.nan)
     for column, step in zip(value.T, encoder_resolution(value).tolist(), strict=True):
         at_stamps, at_times = _bends(column, stamps), _bends(column, times)
         scale = step + min(np.median(at_stamps), np.median(at_times)) if len(at_times) else 0.0
