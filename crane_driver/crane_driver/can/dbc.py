@@ -183,7 +183,7 @@ def _check_unique(path: Path, database: Database) -> None:
 
 CODE_LABELS = {
     Code.NOT_AVAILABLE: re.compile(
-        r"s\W?n\W?a\W?|n\W?a\W?|(signal )?not avail(able)?|invalid( .*)?|ung(ü|ue)ltig", re.I
+        r"s\W?n\W?a\W?|n\W?a\W?|(signal ?)?not ?avail(able)?|invalid( .*)?|ung\w+ltig", re.I
     ),
     Code.ERROR: re.compile(r"(.* )?(error|fault|failure|fehler)", re.I),
     Code.RESERVED: re.compile(r"reserved.*|reserviert", re.I),

@@ -234,7 +234,7 @@ def test_a_code_that_the_value_table_names_too_is_still_one_of_j1939(
     dbc = messages(0xFE)
     _, _, out = decode(CODES, dbc)
     path = write_dbc(dbc)
-    path.write_text(path.read_text() + f'VAL_ {dbc["Boom"][0]} Chamber 65535 "Not available";\n')
+    path.write_text(path.read_text() + f'VAL_ {dbc["Boom"][0]} Chamber 65535 "NotAvailable";\n')
     options = ["--log", str(out.parent / "bus.log"), "--dbc", str(path), "--out", str(out)]
     assert main([*options, "--replace"]) == 0
     chamber = pl.read_parquet(out).filter(signal="Chamber")
