@@ -160,7 +160,7 @@ def contradiction(reader: StoredBag, topic: str) -> tuple[str, ...]:
     if reader.unlisted:
         notes.append(
             f"{', '.join(reader.unlisted)}: not read, for metadata.yaml does not list it; "
-            f"{remedy(reader.path)}"
+            f"{remedy(reader.folder)}"
         )
     return tuple(notes)
 

@@ -14,7 +14,7 @@ from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from numba import njit
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
-from rosbags.rosbag2.reader import DirectoryReader, zstd  # type: ignore[attr-defined]
+from rosbags.rosbag2.reader import DirectoryReader, zstd
 from rosbags.rosbag2.storage_mcap import McapReader, Statistics
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
@@ -56,7 +56,7 @@ class StoredBag(Reader):
 
     def __init__(self, path: Path):
         super().__init__(path)
-        self.path = path
+        self.folder = path
         self.contradictions: dict[str, Count] = {}
         self.unlisted: tuple[str, ...] = ()
 
@@ -69,7 +69,7 @@ class StoredBag(Reader):
         if isinstance(self.storage, DirectoryReader):
             self._compare(self.storage)
             listed = {Path(str(file.path)).name for file in _storages(self)}
-            there = {file.name for file in _storage_files(self.path)}
+            there = {file.name for file in _storage_files(self.folder)}
             self.unlisted = tuple(sorted(there - listed))
 
     @property
