@@ -20,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--log",
         type=Path,
         required=True,
-        help="log to read: candump -l, ASC, BLF, TRC, CSV, SQLite or MF4 (needs "
+        help="log to read: candump, ASC, BLF, TRC, CSV, SQLite or MF4 (needs "
         "asammdf), detected from its content",
     )
     parser.add_argument(
@@ -42,8 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--zone",
         type=_zone,
-        help="time zone of an ASC, BLF or TRC log, which hold local time: Europe/Berlin, or +02:00 "
-        "(default: UTC)",
+        help="time zone of an ASC, BLF, TRC or candump -tA log, which hold local time: "
+        "Europe/Berlin, or +02:00 (default: UTC)",
     )
     parser.add_argument(
         "--keep-codes",

@@ -3,7 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import fields
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,7 +13,7 @@ from cantools.j1939 import pgn_from_frame_id
 from crane_driver.can.codec import SignalBits
 from crane_driver.can.dbc import (
     Dbc,
-    code_bits,
+    codes_of,
     fills_byte,
     is_scaled,
     load_dbc,
@@ -22,8 +22,10 @@ from crane_driver.can.dbc import (
 )
 from crane_driver.can.frame import show_id
 from crane_driver.can.layout import (
+    MEASUREMENTS,
     UNPROTECTED,
     Channel,
+    Codes,
     DeviceState,
     Echo,
     Layout,
@@ -165,8 +167,8 @@ class _Binder:
         sign = entry.sign if isinstance(entry, PositionSignal) else 1
         group = self.positions if isinstance(entry, PositionSignal) else self.pressures
         message, signal = found
-        bits = self._code_bits(message, signal)
-        channel = to_channel(name, signal, sign * unit, -sign * entry.zero, fault, bits)
+        codes = self._codes(message, signal)
+        channel = to_channel(name, signal, sign * unit, -sign * entry.zero, fault, codes)
         group[message.name].append(channel)
 
     def _bind_valve(self, key: str, name: str, entry: ValveSignal) -> None:
@@ -197,7 +199,7 @@ class _Binder:
         gain = 1.0 / entry.full if entry.full else unit
         least, most = min(side, 0) if side else -1, max(side, 0) if side else 1
         channel = to_channel(
-            name, signal, (side or entry.sign) * gain, 0.0, None, self._code_bits(message, signal)
+            name, signal, (side or entry.sign) * gain, 0.0, None, self._codes(message, signal)
         )
         if side == 0 and max(channel.low, -channel.high) > -abs(channel.gain):
             self._problem(
@@ -207,7 +209,8 @@ class _Binder:
             )
         elif not self.listen_only:
             self._check_side(key, signal_name, channel, least, most)
-        valve = ValveChannel(**asdict(channel), least=least, most=most, direction=direction)
+        common = {known.name: getattr(channel, known.name) for known in fields(channel)}
+        valve = ValveChannel(**common, least=least, most=most, direction=direction)
         self.commands[message.name].append(valve)
 
     def _check_side(
@@ -318,8 +321,8 @@ class _Binder:
             entry.data_id,
         )
 
-    def _code_bits(self, message: Message, signal: Signal) -> int:
-        return code_bits(message, signal) if self.mapping.codes == "j1939" else 0
+    def _codes(self, message: Message, signal: Signal) -> Codes:
+        return codes_of(message, signal) if self.mapping.codes == "j1939" else MEASUREMENTS
 
     def _use(self, key: str, name: str) -> tuple[Message, Signal] | None:
         """Message and signal called `name`; None, and a problem noted, if absent or taken."""

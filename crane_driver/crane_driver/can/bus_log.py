@@ -1,5 +1,6 @@
 """Common part of all bus logs: their data frames, and counts of everything else."""
 
+import codecs
 import gzip
 import zlib
 from abc import ABC, abstractmethod
@@ -16,6 +17,11 @@ from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
 
 GZIP = b"\x1f\x8b"
+BYTE_ORDER_MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 EARLIEST = 631_152_000_000_000_000  # ns, the year 1990: earlier stamps count from something else
 
@@ -145,6 +151,23 @@ def content(path: Path) -> BinaryIO:
     compressed = file.read(len(GZIP)) == GZIP
     file.seek(0)
     return cast(BinaryIO, gzip.GzipFile(fileobj=file)) if compressed else file
+
+
+def encoding_of(beginning: bytes) -> str | None:
+    """Encoding of a text by its byte order mark, or by the zeros of UTF-16; None if it has none."""
+    for mark, encoding in BYTE_ORDER_MARKS.items():
+        if beginning.startswith(mark):
+            return encoding
+    if b"\0" in beginning[:2]:
+        return "utf-16-be" if beginning[:1] == b"\0" else "utf-16-le"
+    return None
+
+
+def text_encoding(file: BinaryIO) -> str:
+    """Encoding of a text file at its begin: UTF-8, unless it begins as one of UTF-16."""
+    beginning = file.read(2)
+    file.seek(0)
+    return encoding_of(beginning) or "utf-8-sig"
 
 
 def nanoseconds(date: datetime, zone: tzinfo | None) -> int:

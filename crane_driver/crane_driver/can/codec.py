@@ -10,7 +10,7 @@ from cantools.database.can import Message, Signal
 from cantools.database.utils import create_encode_decode_formats, start_bit
 from cantools.j1939 import pgn_from_frame_id
 
-from crane_driver.can.dbc import addressed, code_of
+from crane_driver.can.dbc import addressed
 from crane_driver.can.frame import Frame, show_id
 from crane_driver.can.layout import Channel, Layout, MessageLayout, ValveChannel
 from crane_driver.faults import Fault, FaultKind
@@ -346,12 +346,12 @@ def _value(
         detail = f"{channel.name}: {channel.fault} is set"
         faults.append(layout.fault(FaultKind.SENSOR, detail, channel.name))
         return None
-    if channel.low <= value <= channel.high:
-        return value
-    if code := code_of(channel.code_bits, count):
-        detail = f"{channel.name}: {channel.signal} is 0x{count:X}, which means {code}"
+    if code := channel.codes.of(count):
+        detail = f"{channel.name}: {channel.signal} is 0x{int(count):X}, which means {code}"
         faults.append(layout.fault(FaultKind.SENSOR, detail, channel.name))
         return None
+    if channel.low <= value <= channel.high:
+        return value
     faults.append(
         layout.fault(
             FaultKind.OUT_OF_RANGE,

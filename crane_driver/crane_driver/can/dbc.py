@@ -1,10 +1,10 @@
 """DBC files: loaded with errors that say what is wrong, and searched by identifier."""
 
-import codecs
 import logging
 import math
 import re
-from enum import StrEnum
+from collections import Counter
+from collections.abc import Collection
 from pathlib import Path
 
 import cantools.database
@@ -13,8 +13,9 @@ from cantools.database.can import Message, Signal
 from cantools.database.utils import start_bit
 from cantools.j1939 import frame_id_unpack, pgn_from_frame_id
 
+from crane_driver.can.bus_log import encoding_of
 from crane_driver.can.frame import show_id
-from crane_driver.can.layout import Channel
+from crane_driver.can.layout import LARGEST_MEASUREMENT, Channel, Code, Codes
 from crane_model.errors import ConfigurationError
 
 J1939 = "j1939"
@@ -23,11 +24,6 @@ ANY_ADDRESS = frozenset(
     {0xFE, 0xFF}
 )  # addresses of no single device: a DBC states them for any one
 FIRST_BROADCAST_FORMAT = 240  # PDU format from which on a frame has no destination address
-BYTE_ORDER_MARKS = {
-    codecs.BOM_UTF8: "utf-8-sig",
-    codecs.BOM_UTF16_LE: "utf-16",
-    codecs.BOM_UTF16_BE: "utf-16",
-}
 
 STRING = re.compile(r'"[^"]*"')
 SIGNAL = re.compile(r"^\s*SG_\s+\w+[^:;\n]*:", re.MULTILINE)
@@ -40,14 +36,6 @@ logging.getLogger("cantools.database.can.database").setLevel(logging.ERROR)
 
 LARGEST_VALUE = 1.7e308  # stands for no limit: what is beyond is infinite or not a number
 SLACK_STEPS = 0.49  # steps, less than what rounds to the next one
-
-LARGEST_MEASUREMENT = {
-    2: 2,
-    10: 0x3FA,
-    **{length: (0xFB << (length - 8)) - 1 for length in (8, 12, 16, 20, 24, 28, 32)},
-}
-"""Largest raw value that is not a code, by the length in bits. Source: SAE J1939-71, transmitted
-signal ranges; states of two bits keep their error, 2, which nobody takes for a measurement."""
 
 
 class Dbc:
@@ -136,11 +124,8 @@ def load_dbc(path: Path | str) -> Dbc:
 
 def _text(content: bytes) -> str:
     """Text of a DBC file: by its byte order mark, else of the encoding that fits it."""
-    for mark, encoding in BYTE_ORDER_MARKS.items():
-        if content.startswith(mark):
-            return content.decode(encoding, "replace")
-    if b"\0" in content[:2]:
-        return content.decode("utf-16-be" if content[:1] == b"\0" else "utf-16-le", "replace")
+    if marked := encoding_of(content):
+        return content.decode(marked, "replace")
     for encoding in ("utf-8", "gb2312"):
         try:
             return content.decode(encoding)
@@ -158,6 +143,14 @@ def _check_fit(path: Path, database: Database) -> None:
             for signal in message.signals:
                 if start_bit(signal) + signal.length > 8 * message.length:
                     raise Error(f"The signal {signal.name} does not fit in message {message.name}.")
+                if signal.scale == 0:
+                    raise Error(
+                        f"The signal {signal.name} of message {message.name} has the factor 0: all "
+                        "its values would be one."
+                    )
+            names = Counter(signal.name for signal in message.signals)
+            if twice := [name for name, count in names.items() if count > 1]:
+                raise Error(f"The message {message.name} has two signals {twice[0]}.")
         except Error as error:
             raise ConfigurationError(f"{path}: not a valid DBC file: {error}") from None
 
@@ -188,64 +181,65 @@ def _check_unique(path: Path, database: Database) -> None:
         owners[shown] = message.name
 
 
-class Code(StrEnum):
-    """Meaning of a raw value of J1939 that is not a measurement."""
-
-    NOT_AVAILABLE = "not available"
-    ERROR = "error"
-    RESERVED = "reserved"
-
-
-CODES = {
-    0xFF: Code.NOT_AVAILABLE,
-    0xFE: Code.ERROR,
-    **dict.fromkeys(range(0xFB, 0xFE), Code.RESERVED),
+CODE_LABELS = {
+    Code.NOT_AVAILABLE: re.compile(
+        r"s\W?n\W?a\W?|n\W?a\W?|(signal ?)?not ?avail(able)?|invalid( .*)?|ung\w+ltig", re.I
+    ),
+    Code.ERROR: re.compile(r"(.* )?(error|fault|failure|fehler)", re.I),
+    Code.RESERVED: re.compile(r"reserved.*|reserviert", re.I),
 }
 
 
-def code_of(length: int, raw: int) -> Code | None:
-    """The code that a raw value of so many bits is; None if it is a measurement."""
-    if raw <= LARGEST_MEASUREMENT.get(length, raw):
-        return None
-    if length <= 2:
-        return Code.NOT_AVAILABLE
-    return CODES[raw >> (length - 8) if length != 10 else raw & 0xFF]
+def codes_of(message: Message, signal: Signal) -> Codes:
+    """Codes of a signal, by J1939 and by its value table.
+
+    The greatest values are codes of J1939 if the message may be of J1939, and the DBC neither
+    states a range, other than all that the bits hold, nor gives such a value another meaning. A
+    value table says so only of what is measured: the states of others are numbers.
+    """
+    labels = {int(raw): _code_of_label(str(label)) for raw, label in (signal.choices or {}).items()}
+    named = {raw: code for raw, code in labels.items() if code}
+    others = labels.keys() - named.keys()
+    measured = signal.unit or is_scaled(signal)
+    return Codes(_code_bits(message, signal, others), named if measured else {})
 
 
-def code_bits(message: Message, signal: Signal) -> int:
+def _code_of_label(label: str) -> Code | None:
+    words = label.replace("_", " ").strip()
+    return next((code for code, names in CODE_LABELS.items() if names.fullmatch(words)), None)
+
+
+def _code_bits(message: Message, signal: Signal, named: Collection[int]) -> int:
     """Bits of a signal whose greatest values are codes of J1939; 0 if they are measurements.
 
-    They are codes if the message may be of J1939, and the DBC neither states a range, other than
-    all that the bits hold, nor names such a value.
+    `named`: raw values with a meaning that is not one of a code.
     """
     if not may_be_j1939(message) or signal.is_float or signal.is_signed:
+        return 0
+    if signal.length not in LARGEST_MEASUREMENT:
         return 0
     greatest = 2**signal.length - 1
     if signal.minimum is not None and signal.maximum is not None:
         limits = (signal.minimum, signal.maximum)
         if max((limit - signal.offset) / signal.scale for limit in limits) < greatest - SLACK_STEPS:
             return 0
-    if any(code_of(signal.length, int(raw)) for raw in signal.choices or ()):
-        return 0
-    return signal.length if signal.length in LARGEST_MEASUREMENT else 0
+    codes = Codes(signal.length)
+    return 0 if any(codes.of(raw) for raw in named) else signal.length
 
 
 def to_channel(
-    name: str, signal: Signal, factor: float, shift: float, fault: str | None, bits: int = 0
+    name: str, signal: Signal, factor: float, shift: float, fault: str | None, codes: Codes
 ) -> Channel:
-    """Channel of a signal whose physical value times `factor` plus `shift` is the SI value.
-
-    `bits`: length of a signal whose greatest values are codes; 0 for other signals.
-    """
+    """Channel of a signal whose physical value times `factor` plus `shift` is the SI value."""
     gain, offset = signal.scale * factor, signal.offset * factor + shift
     least, greatest = raw_limits(signal)
-    if bits:
-        greatest = LARGEST_MEASUREMENT[bits]
+    if codes.length:
+        greatest = LARGEST_MEASUREMENT[codes.length]
     ends = [gain * raw + offset for raw in (least, greatest)]
     # Limits are given in decimals, which the steps of the signal need not meet.
     slack = 0.0 if signal.is_float else SLACK_STEPS * abs(gain)
     low, high = max(min(ends) - slack, -LARGEST_VALUE), min(max(ends) + slack, LARGEST_VALUE)
-    return Channel(name, signal.name, gain, offset, low, high, fault, signal.is_float, bits)
+    return Channel(name, signal.name, gain, offset, low, high, fault, signal.is_float, codes)
 
 
 def raw_limits(signal: Signal) -> tuple[float, float]:

@@ -1,13 +1,63 @@
 """Mapping and DBC brought together, ready for coding and decoding frames."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 from cantools.database.can import Message
 
 from crane_driver.can.frame import show_id
 from crane_driver.can.mapping import Device, Timing
 from crane_driver.faults import Fault, FaultKind
+
+LARGEST_MEASUREMENT = {
+    2: 2,
+    10: 0x3FA,
+    **{length: (0xFB << (length - 8)) - 1 for length in (8, 12, 16, 20, 24, 28, 32)},
+}
+"""Largest raw value that is not a code, by the length in bits. Source: SAE J1939-71, transmitted
+signal ranges; states of two bits keep their error, 2, which nobody takes for a measurement."""
+
+
+class Code(StrEnum):
+    """Meaning of a raw value of J1939 that is not a measurement."""
+
+    NOT_AVAILABLE = "not available"
+    ERROR = "error"
+    RESERVED = "reserved"
+
+
+CODES = {
+    0xFF: Code.NOT_AVAILABLE,
+    0xFE: Code.ERROR,
+    **dict.fromkeys(range(0xFB, 0xFE), Code.RESERVED),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Codes:
+    """Raw values of a signal that are not measurements.
+
+    `length`: its bits, if the greatest values are codes of J1939; 0 if they are not. `named`: those
+    that the value table of the DBC names as such.
+    """
+
+    length: int = 0
+    named: Mapping[int, Code] = field(default_factory=dict)
+
+    def of(self, raw: float) -> Code | None:
+        """The code that a raw value is; None if it is a measurement."""
+        if (code := self.named.get(raw)) is not None:  # type: ignore[call-overload]
+            return code
+        length = self.length
+        if not length or raw <= LARGEST_MEASUREMENT[length]:
+            return None
+        if length <= 2:
+            return Code.NOT_AVAILABLE
+        return CODES[int(raw) >> (length - 8) if length != 10 else int(raw) & 0xFF]
+
+
+MEASUREMENTS = Codes()
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +72,7 @@ class Channel:
     high: float
     fault: str | None = None  # signal that is not 0 where the reading is no measurement
     is_float: bool = False
-    code_bits: int = 0  # its length if its greatest raw values are codes of J1939
+    codes: Codes = MEASUREMENTS
 
     def raw(self, value: float) -> float:
         raw = (value - self.offset) / self.gain

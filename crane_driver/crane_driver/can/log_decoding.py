@@ -101,7 +101,8 @@ def describe(log: BusLog, table: LogTable) -> str:
     if table.codes:
         counts = [f"{name}: {count} x {code}" for (name, code), count in table.codes.items()]
         lines.append(
-            "not measurements, but codes of J1939 for which the DBC states no range: "
+            "not measurements, but codes (of J1939 where the DBC states no range, or of its value "
+            "tables): "
             f"{', '.join(counts)}"
         )
     if guessed := [
@@ -137,7 +138,9 @@ def beside(log: BusLog) -> list[str]:
 def _about_stamps(log: BusLog) -> list[str]:
     lines = []
     if log.clock is Clock.START:
-        lines.append("the log states no date: its stamps count seconds from its beginning")
+        lines.append(
+            "the log states no date that can be read: its stamps count seconds from its beginning"
+        )
     elif log.stamps is Clock.LOCAL:
         lines.append(
             "the log holds local time and does not state its zone: its stamps are kept as they "

@@ -18,7 +18,15 @@ from crane_bags.clocks import NANOSECONDS
 from crane_bags.fields import read_messages
 from crane_bags.storage import MCAP_MAGIC
 from crane_bags.types import CAN_FRAMES
-from crane_driver.can.bus_log import BusLog, Clock, Entry, content, nanoseconds
+from crane_driver.can.bus_log import (
+    BusLog,
+    Clock,
+    Entry,
+    content,
+    encoding_of,
+    nanoseconds,
+    text_encoding,
+)
 from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
 
@@ -26,7 +34,14 @@ CANDUMP_LINE = re.compile(
     r"\((?P<seconds>\d+)\.(?P<fraction>\d{1,9})\)\s+(?P<channel>\S+)\s+"
     r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#"
     r"(?:#[0-9A-Fa-f])?(?P<remote>R)?(?P<data>(?:[0-9A-Fa-f]{2}){0,64})"
-    r"(?(remote)[0-9A-Fa-f]{0,2}|)(?:\s+[RT])?"
+    r"(?(remote)[0-9A-Fa-f]{0,2}|)(?:_[9A-Fa-f])?(?:\s+[RT])?"
+)
+CANDUMP_SCREEN_LINE = re.compile(  # of candump -ta (since 1970) and -tA (local time)
+    r"\((?:(?P<seconds>\d{9,})|(?P<date>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d))\.(?P<fraction>\d{1,9})\)"
+    r"\s+(?P<channel>\S+)\s+(?:[RT]X\s+\S\s+\S\s+)?(?P<id>[0-9A-F]{3}|[0-9A-F]{8})"
+    r"\s+[\[{](?P<length>\d{1,2})[\]}]"
+    r"(?:\s+(?P<remote>remote request)|(?P<data>(?:\s+[0-9A-F]{2})*))"
+    r"(?:\s+ERRORFRAME)?(?:\s+'.*')?"
 )
 CAN_ERR_FLAG = 0x20000000
 LARGEST_IDENTIFIER = 0x1FFFFFFF
@@ -89,7 +104,7 @@ CLASSIC_CAN_BYTES = 8
 
 SQLITE_MAGIC = b"SQLite format 3\x00"
 BEGINNING_BYTES = 4096  # bytes that tell the format
-SCREEN_LINE = re.compile(r"(\(.*\)\s+)?\S+\s+[0-9A-F]{3,8}\s+\[\d+\](\s+[0-9A-F]{2})*(\s+'.*')?")
+SCREEN_LINE = re.compile(r"(\(.*\)\s+)?\S+\s+([RT]X\s.*)?[0-9A-F]{3,8}\s+[\[{]\d+[\]}].*")
 
 
 ASC_BEGINNING = re.compile(
@@ -118,37 +133,47 @@ FORMATS = (
     Format("TRC", can.TRCReader, re.compile(rb"\s*;(\$FILEVERSION|##|-)"), Clock.LOCAL),
     Format("CSV", can.CSVReader, re.compile(rb"timestamp,arbitration_id,")),
 )
-READABLE = f"candump -l, ASC, {', '.join(known.name for known in FORMATS)}, bags of CAN frames"
+READABLE = f"candump, ASC, {', '.join(known.name for known in FORMATS)}, bags of CAN frames"
 
 
 @dataclass
 class CandumpLog(BusLog):
-    """A log of `candump -l`.
+    """A log of `candump -l`, or what candump shows on the screen with `-ta` or `-tA`.
 
     Unlike python-can's reader it keeps the stamps exact, goes on after a damaged line, and does not
     take the error frames of SocketCAN for data.
     """
 
     def entries(self, on_bytes: Callable[[int], object]) -> Iterator[Entry]:
-        with io.TextIOWrapper(content(self.path), "utf-8-sig", errors="replace") as file:
-            for line in file:
+        with content(self.path) as file:
+            for line in io.TextIOWrapper(file, text_encoding(file), errors="replace"):
                 on_bytes(len(line))
-                if not (text := line.strip()):
+                if not (shown := line.strip()):
                     continue
                 self.lines += 1
-                if match := CANDUMP_LINE.fullmatch(text):
-                    yield _candump_entry(match)
+                match = CANDUMP_LINE.fullmatch(shown) or CANDUMP_SCREEN_LINE.fullmatch(shown)
+                if match and (entry := _candump_entry(match.groupdict(), self.zone)):
+                    yield entry
                 else:
                     self.damaged += 1
 
 
-def _candump_entry(match: re.Match[str]) -> Entry:
-    number, extended = int(match["id"], 16), len(match["id"]) == 8
-    stamp = int(match["seconds"]) * NANOSECONDS + int(match["fraction"].ljust(9, "0"))
-    data = bytes.fromhex(match["data"])
+def _candump_entry(match: dict[str, str | None], zone: tzinfo | None) -> Entry | None:
+    """Entry of a line; None if it shows fewer bytes than it says."""
+    identifier, channel = match["id"], match["channel"]
+    assert identifier is not None and channel is not None  # every line has them
+    number, extended = int(identifier, 16), len(identifier) == 8
+    if date := match.get("date"):
+        second = nanoseconds(datetime.fromisoformat(date), zone)
+    else:
+        second = int(match["seconds"] or 0) * NANOSECONDS
+    stamp = second + int((match["fraction"] or "").ljust(9, "0"))
+    data = bytes.fromhex(match["data"] or "")
+    if not match["remote"] and int(match.get("length") or len(data)) != len(data):
+        return None
     frame = Frame(number & LARGEST_IDENTIFIER, data, extended, stamp, stamp / 1e9)
     error = extended and bool(number & CAN_ERR_FLAG)
-    return Entry(match["channel"], frame, remote=match["remote"] is not None, error=error)
+    return Entry(channel, frame, remote=match["remote"] is not None, error=error)
 
 
 @dataclass
@@ -167,26 +192,26 @@ class AscLog(BusLog):
         self.clock = Clock.LOCAL
         time = _AscTime(self)
         base = 16
-        with io.TextIOWrapper(content(self.path), "utf-8-sig", errors="replace") as file:
-            for line in file:
+        with content(self.path) as file:
+            for line in io.TextIOWrapper(file, text_encoding(file), errors="replace"):
                 on_bytes(len(line))
-                if not (text := line.strip()):
+                if not (shown := line.strip()):
                     continue
                 self.lines += 1
-                if match := ASC_LINE.fullmatch(text):
+                if match := ASC_LINE.fullmatch(shown):
                     stamp = time.stamp(match)
                     if (entry := self._entry(match["rest"] or "", stamp, base)) is not None:
                         yield entry
-                elif match := ASC_FORMAT.match(text):
+                elif match := ASC_FORMAT.match(shown):
                     if match["base"]:
                         base = 10 if match["base"].lower() == "dec" else 16
                     if match["stamps"]:
                         time.relative = match["stamps"].lower() == "relative"
-                elif match := ASC_DATE.fullmatch(text):
+                elif match := ASC_DATE.fullmatch(shown):
                     time.start(match["date"])
-                elif match := ASC_BLOCK.fullmatch(text):
+                elif match := ASC_BLOCK.fullmatch(shown):
                     time.block(match["date"])
-                elif not ASC_REMARK.fullmatch(text):
+                elif not ASC_REMARK.fullmatch(shown):
                     self.damaged += 1
                     self.lost_steps += time.relative
 
@@ -298,21 +323,25 @@ def open_log(path: Path, channel: str | None = None, zone: tzinfo | None = None)
         raise DataError(f"{path}: cannot be read: {reason}") from None
     if beginning.startswith(MCAP_MAGIC) or (beginning.startswith(SQLITE_MAGIC) and _is_bag(path)):
         return BagOfFrames(path, channel)
+    if encoding := encoding_of(beginning):
+        beginning = beginning.decode(encoding, "replace").encode()
     for known in FORMATS:
-        if known.beginning.match(beginning.removeprefix(b"\xef\xbb\xbf")):
+        if known.beginning.match(beginning):
             return PythonCanLog(path, channel, zone, known.clock, format=known)
-    if ASC_BEGINNING.match(beginning.removeprefix(b"\xef\xbb\xbf")):
+    if ASC_BEGINNING.match(beginning):
         return AscLog(path, channel, zone)
-    lines = [line.strip() for line in beginning.decode("utf-8-sig", "replace").splitlines()]
+    lines = [line.strip() for line in beginning.decode("utf-8", "replace").splitlines()]
     lines = [line for line in lines if line]
     if any(CANDUMP_LINE.fullmatch(line) for line in lines):
         return CandumpLog(path, channel, zone)
+    if shown := [match for line in lines if (match := CANDUMP_SCREEN_LINE.fullmatch(line))]:
+        return CandumpLog(path, channel, zone, Clock.LOCAL if shown[0]["date"] else Clock.EPOCH)
     if not lines:
         raise DataError(f"{path}: the log is empty")
     if any(SCREEN_LINE.fullmatch(line) for line in lines):
         raise DataError(
             f"{path}: what candump shows on the screen, with stamps that do not tell when; record "
-            "with candump -l"
+            "with candump -l, or show them with -ta"
         )
     raise DataError(
         f"{path}: not a log of a known format ({READABLE}); it begins with {lines[0][:60]!r}"
@@ -380,7 +409,7 @@ class PythonCanLog(BusLog):
         position, shift = 0, None
         with content(self.path) as file:
             try:
-                rows = _Rows(file, encoding="utf-8-sig", errors="replace")
+                rows = _Rows(file, encoding=text_encoding(file), errors="replace")
                 for message in self._reader(file, rows):
                     self.lines += 1
                     position, before = file.tell(), position

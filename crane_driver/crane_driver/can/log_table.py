@@ -12,8 +12,9 @@ from cantools.database.can import Message
 
 from crane_driver.can.bus_log import Clock
 from crane_driver.can.codec import SignalBits
-from crane_driver.can.dbc import Code, Dbc, code_bits, code_of
+from crane_driver.can.dbc import Dbc, codes_of
 from crane_driver.can.frame import Frame, show_id
+from crane_driver.can.layout import MEASUREMENTS, Code
 from crane_model.errors import DataError
 
 if TYPE_CHECKING:
@@ -21,17 +22,14 @@ if TYPE_CHECKING:
 
 
 class Sender:
-    """The frames of one identifier, which decode as one message.
-
-    `code_bits`: by signal, its length if its greatest raw values are codes of J1939.
-    """
+    """The frames of one identifier, which decode as one message."""
 
     def __init__(self, id: str, message: Message, codes: bool):
         self.id, self.message = id, message
         self.bits = SignalBits(message)
         self.signals = {signal.name: signal for signal in message.signals}
-        self.code_bits = {
-            name: code_bits(message, signal) if codes else 0
+        self.codes = {
+            name: codes_of(message, signal) if codes else MEASUREMENTS
             for name, signal in self.signals.items()
         }
         self.stamps = array("q")  # ns
@@ -41,7 +39,7 @@ class LogTable:
     """Collects the values of frames.
 
     Nothing is lost silently: `frames` is `decoded` plus all of `unknown` plus all of `failed`, and
-    `codes` counts the values that are codes of J1939 and not measurements, unless they are kept.
+    `codes` counts the values that are codes and not measurements, unless they are kept.
     """
 
     def __init__(self, dbc: Dbc, keep_codes: bool = False):
@@ -88,7 +86,7 @@ class LogTable:
             if (raw := values.get(name)) is None:  # multiplexed, and not in this frame
                 continue
             value = signal.raw_to_scaled(raw, decode_choices=False)
-            if code := code_of(sender.code_bits[name], raw):
+            if code := sender.codes[name].of(raw):
                 self.codes[f"{message.name}.{name}", code] += 1
                 value = math.nan
             self._stamps.append(frame.stamp)
@@ -115,8 +113,8 @@ class LogTable:
         The stamp is of UTC, without a zone if it is local time. If the log states no date, `time`
         [s] from its beginning takes its place.
 
-        `in_range`: whether the value is within the limits of the DBC. A value that is a code of
-        J1939, and not a measurement, is empty and not in range.
+        `in_range`: whether the value is within the limits of the DBC. A value that is a code, and
+        not a measurement, is empty and not in range.
         """
         import polars as pl  # large, and bags need none
 
@@ -145,7 +143,7 @@ class LogTable:
             "signal",
             value.fill_nan(None),
             "unit",
-            in_range=(pl.col("low") <= value) & (value <= pl.col("high")),
+            in_range=(pl.col("low") <= value) & (value <= pl.col("high")) & value.is_finite(),
         )
 
     def _signal(self, message: str, name: str) -> tuple[str, str, str, float, float]:

@@ -225,7 +225,8 @@ def _near(k: int, count: int) -> slice:
 def _steps(value: np.ndarray) -> np.ndarray:
     """(n - 1,) smallest step between readings as large as those of each pair, from n readings.
 
-    A table of so many digits has another step in each order of magnitude.
+    A table of so many digits has another step in each order of magnitude. Few readings in all show
+    the step of a coarse sensor.
     """
     low, high = np.quantile(value, [0.01, 0.99])
     usual = (value >= low) & (value <= high)
@@ -238,7 +239,10 @@ def _steps(value: np.ndarray) -> np.ndarray:
         gaps = gaps[gaps > 1e-9 * (high - low)]
         if len(levels) >= FEWEST_LEVELS and len(gaps):
             steps[inside] = gaps.min()
-    smallest = float(np.nanmin(steps)) if np.isfinite(steps).any() else 0.0
+    gaps = np.diff(np.unique(value[usual]))
+    coarse = float(gaps[gaps > 1e-9 * (high - low)].min(initial=np.inf))
+    smallest = float(np.nanmin(steps)) if np.isfinite(steps).any() else coarse
+    smallest = smallest if np.isfinite(smallest) else 0.0
     steps = np.where(np.isnan(steps), smallest, steps)
     return np.maximum(steps[1:], steps[:-1])
 

@@ -141,7 +141,7 @@ def read_bag(
             if data is None
         ),
         unstamped=tuple(data.topic for data in used if data.stamped_by == "log time"),
-        notes=(*(note for data in used for note in data.notes), *effort),
+        notes=(*dict.fromkeys(note for data in used for note in data.notes), *effort),
     )
 
 
@@ -309,7 +309,7 @@ def read_mapped_bag(
         numbers = {cell: data.fields[str(Place(*cell))] for cell in cells[topic]}
         time = (data.stamp - start) / NANOSECONDS
         streams[topic] = Stream(start, time, numbers, received, data.set_back)
-    notes = [note for data in found.values() for note in data.notes]
+    notes = list(dict.fromkeys(note for data in found.values() for note in data.notes))
     unstamped = [topic for topic, data in found.items() if data.stamped_by == "log time"]
     return mapped_log(path, column_map, joints, streams, notes, unstamped)
 

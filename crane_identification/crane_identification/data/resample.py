@@ -21,9 +21,6 @@ LOW_PASS_PADDING = 6 * LOW_PASS_ORDER  # samples
 SLOWER = 1.2  # times faster, at least, a signal must be to be filtered and slowed down
 SYNCHRONISED_SAMPLES = 100  # with which the search for a regular clock begins
 SYNCHRONISED_RATES = np.linspace(0.95, 1.05, 401)  # of the median one, that are tried on them
-LARGEST_JITTER = 0.45  # intervals by which each stamp may be off
-STRAIGHTER = 0.5  # share of its bends that a motion keeps at most if its samples are regular
-FAST_QUANTILE = 0.75  # of the speeds of a joint, from which on wrong times bend its motion
 STAMP_MARGIN_S = 1e-9  # s, the resolution of stamps; times closer than this are the same
 REQUIRED = ("position", "force", "pressure_a", "pressure_b")
 INTERPOLATED = (
@@ -120,13 +117,14 @@ def resample(log: Log, rate: float | None = None, largest_gap: float = LARGEST_G
 def regular(log: Log) -> Log:
     """`log` with regular times in place of stamps that jitter, and a note; else as it is.
 
-    The positions decide: if the samples were taken at regular times, a moving joint seems to shake
-    along its stamps, and does not along the regular times. Signals with the stamps of the positions
-    change with them.
+    The likelihood of the positions decides: if the samples were taken at regular times, a moving
+    joint seems to shake along its stamps, and does not along the regular times. Rate and phase of
+    those are fitted, for which they pay (Bayesian information criterion). Signals with the stamps
+    of the positions change with them.
     """
     time, value = log.position.time, log.position.value
     times = _regular_times(time)
-    if times is None or not _straighter(value, time, times):
+    if times is None or _evidence(value, time, times) <= np.log(len(time)):
         return log
     off, interval = 1e3 * float(np.std(time - times)), 1e3 / sampling_rate(times)
     note = (
@@ -161,31 +159,33 @@ def _regular_times(time: np.ndarray) -> np.ndarray | None:
             break
         known = min(2 * known, len(time))
     times: np.ndarray = begin + interval * number
-    follows = np.abs(time - times).max() < LARGEST_JITTER * interval
-    return times if follows and (np.diff(number) > 0).all() else None
+    return times if (np.diff(number) > 0).all() else None
 
 
-def _straighter(value: np.ndarray, stamps: np.ndarray, times: np.ndarray) -> bool:
-    """Return whether the positions (n, j) of one joint or more are much smoother at `times` (n,)
-    than at `stamps` (n,), and those of no joint much rougher.
+def _evidence(value: np.ndarray, stamps: np.ndarray, times: np.ndarray) -> float:
+    """Logarithm of how much likelier the positions (n, j) make `times` (n,) than `stamps` (n,).
+
+    The noise around straight lines is that of Cauchy, which outliers and rests spoil least; its
+    scale is the median, and a step of the encoder.
     """
-    ratios = []
-    for column, step in zip(value.T, encoder_resolution(value), strict=True):
-        gone = np.abs(column[2:] - column[:-2])
-        if not (gone > 0.0).any():
-            continue
-        fast = gone >= np.quantile(gone[gone > 0.0], FAST_QUANTILE)
-        at_stamps, at_times = (
-            float(np.nanmedian(_bends(column, clock)[fast])) + step for clock in (stamps, times)
-        )
-        ratios.append(at_times / at_stamps)
-    return bool(ratios) and min(ratios) < STRAIGHTER and max(ratios) < 1.0 / STRAIGHTER
+    evidence, value = 0.0, np.where(np.isfinite(value), value, np.nan)
+    for column, step in zip(value.T, encoder_resolution(value).tolist(), strict=True):
+        at_stamps, at_times = _bends(column, stamps), _bends(column, times)
+        scale = step + min(np.median(at_stamps), np.median(at_times)) if len(at_times) else 0.0
+        if scale > 0.0:
+            evidence += np.log((scale**2 + at_stamps**2) / (scale**2 + at_times**2)).sum()
+    return evidence
 
 
 def _bends(value: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """(n - 2,) distance of each value but the ends from the line through its neighbours."""
+    """Distances of values from the line through their neighbours, in the noise of one value.
+
+    Each value counts once.
+    """
     share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    return np.abs(value[1:-1] - value[:-2] - share * (value[2:] - value[:-2]))
+    bends = value[1:-1] - value[:-2] - share * (value[2:] - value[:-2])
+    bends = (np.abs(bends) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2))[::3]
+    return bends[np.isfinite(bends)]
 
 
 def slowed(log: Log, rate: float | None) -> Log:

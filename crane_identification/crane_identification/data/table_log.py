@@ -1,5 +1,7 @@
 """From tables (CSV, Parquet or MAT files) and their column map to a log."""
 
+import io
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime, time, timedelta
 from pathlib import Path
@@ -15,6 +17,8 @@ from crane_identification.data.log import Log
 from crane_identification.data.recording_log import Stream, mapped_log, tables_in
 from crane_model.errors import ConfigurationError, DataError
 
+BEGINNING_BYTES = 4096  # bytes that tell encoding and ends of lines
+TWICE = "_duplicated_0"  # ending by which polars tells a second column of one name
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
 DATE_DTYPE = "datetime64[ns]"
@@ -41,7 +45,7 @@ def read_columns(
     try:
         match path.suffix.lower():
             case ".csv" | ".tsv" | ".txt":
-                frame = pl.scan_csv(path, separator=separator, infer_schema=False)
+                frame = pl.scan_csv(_in_utf_8(path), separator=separator, infer_schema=False)
                 columns = _from_frame(path, frame, cells, decimal, dates)
             case ".parquet":
                 columns = _from_frame(path, pl.scan_parquet(path), cells, decimal, dates)
@@ -53,6 +57,13 @@ def read_columns(
                 )
     except DataError:
         raise
+    except pl.exceptions.ComputeError as error:
+        if "found more fields" not in str(error):
+            raise DataError(f"{path}: not readable: {error}; export the table again") from error
+        raise DataError(
+            f"{path}: a row has more fields than the header; correct the row, or the separator in "
+            "the column map"
+        ) from error
     except Exception as error:  # a damaged file makes parsers raise anything, not only their own
         raise DataError(f"{path}: not readable: {error}; export the table again") from error
     lengths = {name: len(values) for (name, _), values in columns.items()}
@@ -62,6 +73,17 @@ def read_columns(
     if not all(len(values) for values in columns.values()):
         raise DataError(f"{path}: the table has no rows; export it again")
     return columns
+
+
+def _in_utf_8(path: Path) -> Path | io.BytesIO:
+    """A text table, or its content as the parser needs it: in UTF-8, with an end of line."""
+    with path.open("rb") as file:
+        beginning = file.read(BEGINNING_BYTES)
+    encoding = "utf-16" if beginning.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8"
+    if encoding == "utf-8" and (b"\n" in beginning or b"\r" not in beginning):
+        return path
+    text = path.read_text(encoding, errors="surrogateescape")  # which ends lines with \n
+    return io.BytesIO(text.encode(errors="surrogateescape"))
 
 
 def empty_rows(columns: Columns) -> np.ndarray:
@@ -85,6 +107,8 @@ def _from_frame(
     header = {name.strip(): name for name in frame.collect_schema().names()}
     header |= {name: header[_misread(name)] for name, _ in cells if _misread(name) in header}
     _require(path, [name for name, _ in cells], header)
+    if twice := next((name for name, _ in cells if f"{header[name]}{TWICE}" in header), None):
+        raise DataError(f"{path}: two columns are called '{twice}'; rename one of them")
     if matrix := next((name for name, index in cells if index is not None), None):
         raise DataError(
             f"{path}: column '{matrix}': index is for matrices in MAT files; take it out of the "

@@ -191,6 +191,8 @@ class _Basis(NamedTuple):
 def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
     """Find forces that the user's model cannot explain, and one mistake that would explain them."""
     fit = _Fit(model, moved)
+    if not fit.force.any():
+        return
     basis = fit.basis(moved.record)
     left = basis.left(fit.force)
     if left < POOR:

@@ -124,7 +124,10 @@ def _contradicted(conflict: PriorConflict) -> list[str]:
 def _changes(changes: Sequence[ParameterChange]) -> str:
     """The largest changes in words."""
     if not changes:
-        return f"no parameter moves by more than {plain(CHANGED)} σ, as other priors agree with it"
+        return (
+            f"no parameter moves by more than {plain(CHANGED)} σ, as the recordings or other "
+            "priors determine them"
+        )
     parts = []
     for change in changes[:TYPICAL_CHANGES]:
         value, std_dev = with_uncertainty(change.without, change.std_dev)

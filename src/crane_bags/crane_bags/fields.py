@@ -15,7 +15,7 @@ from rosbags.typesys.store import Typestore
 
 from crane_bags.decoding import Table, header_stamps
 from crane_bags.reader import TopicData, contradiction, in_order
-from crane_bags.storage import BLOCK_MESSAGES, blocks, connections, messages, open_bag
+from crane_bags.storage import blocks, connections, open_bag
 from crane_bags.types import typestore
 from crane_model.errors import DataError
 from crane_model.progress_bar import Progress
@@ -175,7 +175,8 @@ def read_messages(
 
     Yields
     ------
-    Topic, log time [ns] and message, in order of log time.
+    Topic, log time [ns] and message, those of each topic in the order of the files, as they
+    arrived.
 
     Raises
     ------
@@ -193,17 +194,19 @@ def read_messages(
                 "such a topic, or name another bag"
             )
         stores = {topic: _store(path, connections(reader, topic)) for topic in topics}
-        found = messages(path, reader, topics)
-        for number, (connection, log_time, data) in enumerate(found, start=1):
-            try:
-                message = stores[connection.topic].deserialize_cdr(data, connection.msgtype)
-            except (SerdeError, ValueError) as error:
-                raise DataError(
-                    f"{path}: topic {connection.topic}: {error}; the bag is damaged"
-                ) from error
-            if progress and number % BLOCK_MESSAGES == 0:
-                progress(f"reading {path.name}", min(number / reader.message_count, 1.0))
-            yield connection.topic, log_time, message
+        done = 0
+        for topic, log_times, found in blocks(path, reader, topics):
+            for log_time, data in zip(log_times, found, strict=True):
+                try:
+                    message = stores[topic].deserialize_cdr(data, stated[topic])
+                except (SerdeError, ValueError) as error:
+                    raise DataError(
+                        f"{path}: topic {topic}: {error}; the bag is damaged"
+                    ) from error
+                yield topic, log_time, message
+            done += len(found)
+            if progress:
+                progress(f"reading {path.name}", min(done / max(reader.held, 1), 1.0))
 
 
 class _Gathered:

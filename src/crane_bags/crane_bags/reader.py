@@ -11,9 +11,17 @@ from rosbags.rosbag2 import Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
-from crane_bags.clocks import NANOSECONDS, SetBack, clock_step, set_back
+from crane_bags.clocks import MAX_JUMP_NS, NANOSECONDS, SetBack, clock_step, set_back
 from crane_bags.decoding import Table, cells, concatenate, decode
-from crane_bags.storage import StoredBag, announced, blocks, connections, messages, open_bag
+from crane_bags.storage import (
+    StoredBag,
+    announced,
+    blocks,
+    connections,
+    messages,
+    open_bag,
+    remedy,
+)
 from crane_bags.types import CAN_FRAMES, DRIVER_STATE, JOINT_STATES, Topic, typestore
 from crane_model.errors import DataError
 from crane_model.progress_bar import Progress
@@ -142,14 +150,19 @@ def read_topics(
 
 
 def contradiction(reader: StoredBag, topic: str) -> tuple[str, ...]:
-    """A note where metadata.yaml states fewer messages of a topic than the files hold."""
-    count = reader.contradictions.get(topic)
-    if count is None:
-        return ()
-    return (
-        f"{topic}: metadata.yaml states {count.stated} messages, the files hold {count.held}; all "
-        "of them are used",
-    )
+    """Notes where metadata.yaml does not fit the files: what they hold more, of a topic or all."""
+    notes = []
+    if (count := reader.contradictions.get(topic)) is not None:
+        notes.append(
+            f"{topic}: metadata.yaml states {count.stated} messages, the files hold {count.held}; "
+            "all of them are used"
+        )
+    if reader.unlisted:
+        notes.append(
+            f"{', '.join(reader.unlisted)}: not read, for metadata.yaml does not list it; "
+            f"{remedy(reader.folder)}"
+        )
+    return tuple(notes)
 
 
 def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: bool) -> bool:
@@ -238,7 +251,9 @@ def in_order(
     stamp = table.stamp if stamped_by == "header" else log_time
     behind = np.maximum.accumulate(stamp) - stamp
     step = clock_step(stamp, log_time)
-    if step is None and behind.max() > MAX_DISORDER_NS:
+    # a recorder lets messages overtake one another, but its own clock does not go back
+    set_back_too = (np.diff(log_time)[np.diff(stamp) < 0] < 0).any()
+    if step is None and behind.max() > (MAX_JUMP_NS if set_back_too else MAX_DISORDER_NS):
         step = int(behind.argmax()), -int(behind.max())
     if step is not None:
         row, change = step

@@ -14,7 +14,7 @@ from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from numba import njit
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
-from rosbags.rosbag2.reader import DirectoryReader
+from rosbags.rosbag2.reader import DirectoryReader, zstd
 from rosbags.rosbag2.storage_mcap import McapReader, Statistics
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
@@ -51,11 +51,14 @@ class StoredBag(Reader):
     """An open bag, of which the files decide: metadata.yaml and the index of a file may be wrong.
 
     `contradictions`: topics of which the files hold more messages than metadata.yaml states.
+    `unlisted`: files of the folder that it does not list, which are not read.
     """
 
     def __init__(self, path: Path):
         super().__init__(path)
+        self.folder = path
         self.contradictions: dict[str, Count] = {}
+        self.unlisted: tuple[str, ...] = ()
 
     def open(self) -> None:
         """Open the files, and find what they hold."""
@@ -65,6 +68,9 @@ class StoredBag(Reader):
                 _read_on(file)
         if isinstance(self.storage, DirectoryReader):
             self._compare(self.storage)
+            listed = {Path(str(file.path)).name for file in _storages(self)}
+            there = {file.name for file in _storage_files(self.folder)}
+            self.unlisted = tuple(sorted(there - listed))
 
     @property
     def held(self) -> int:
@@ -73,13 +79,19 @@ class StoredBag(Reader):
         )
 
     def _compare(self, folder: DirectoryReader) -> None:
-        """Correct what metadata.yaml states of `folder` where the files hold more."""
+        """Correct what metadata.yaml states of `folder`: types, and counts if files hold more."""
         stored = [connection for file in _storages(self) for connection in file.connections]
         for topic in dict.fromkeys(connection.topic for connection in stored):
             held = sum(connection.msgcount for connection in stored if connection.topic == topic)
             stated = [
                 k for k, connection in enumerate(folder.connections) if connection.topic == topic
             ]
+            file = next(connection for connection in stored if connection.topic == topic)
+            for k in stated:
+                if folder.connections[k].msgtype != file.msgtype:
+                    folder.connections[k] = folder.connections[k]._replace(
+                        msgtype=file.msgtype, msgdef=file.msgdef, digest=file.digest
+                    )
             count = Count(sum(folder.connections[k].msgcount for k in stated), held)
             if count.held <= count.stated:
                 continue
@@ -89,8 +101,7 @@ class StoredBag(Reader):
                 more = first.msgcount + count.held - count.stated
                 folder.connections[stated[0]] = first._replace(msgcount=more)
             else:
-                new = next(connection for connection in stored if connection.topic == topic)
-                folder.connections.append(new._replace(msgcount=count.held))
+                folder.connections.append(file._replace(msgcount=count.held))
 
 
 def _read_on(file: McapReader) -> None:
@@ -153,14 +164,15 @@ def blocks(path: Path, reader: Reader, topics: Collection[str]) -> Iterator[Bloc
     `DataError` where the storage is damaged.
     """
     with _damage(path):
-        if reader.compression_mode != "message":
-            for storage in _storages(reader):
-                yield from _file_blocks(storage, topics)
-        elif sources := [connection for name in topics for connection in connections(reader, name)]:
-            messages = reader.messages(sources)
-            yield from _by_topic(
-                (connection.topic, time, data) for connection, time, data in messages
-            )
+        # metadata.yaml may list them in another order: bag_10 before bag_2
+        for storage in sorted(_storages(reader), key=lambda storage: storage.metadata.start_time):
+            for block in _file_blocks(storage, topics):
+                yield _plain(block) if reader.compression_mode == "message" else block
+
+
+def _plain(block: Block) -> Block:
+    """A block whose messages were compressed one by one."""
+    return block._replace(messages=[zstd.decompress(data) for data in block.messages])
 
 
 def _file_blocks(storage: Storage, topics: Collection[str]) -> Iterator[Block]:
@@ -238,7 +250,7 @@ def _check_kind(path: Path) -> None:
         for log in unfinished(file):
             raise DataError(
                 f"{path}: the bag was not closed properly: {log.name} holds messages that "
-                f"{file.name} does not; {_remedy(path)}"
+                f"{file.name} does not; {remedy(path)}"
             )
     if path.is_dir():
         if (path / "metadata.yaml").exists():
@@ -246,7 +258,7 @@ def _check_kind(path: Path) -> None:
         if files := _storage_files(path):
             raise DataError(
                 f"{path}: the bag was not closed properly: {files[0].name} is there, but no "
-                f"metadata.yaml; {_remedy(path)}"
+                f"metadata.yaml; {remedy(path)}"
             )
     elif path.suffix in STORAGE_SUFFIXES:
         return
@@ -270,14 +282,33 @@ def _storage_files(path: Path) -> Sequence[Path]:
 def _explain(path: Path, error: Exception) -> str:
     for file in _storage_files(path):
         if not _closed(file):
-            return f"the bag was not closed properly: {file.name} has no end; {_remedy(path)}"
+            return f"the bag was not closed properly: {file.name} has no end; {remedy(path)}"
+    if isinstance(error, KeyError) and MCAP_MAGIC in map(_magic, _storage_files(path)):
+        return (
+            f"a topic has a schema of the kind {error}, and topics of ROS 2 have ros2msg or "
+            "ros2idl; keep those alone: mcap filter BAG.mcap -o OUT.mcap --include-topic-regex ..."
+        )
+    if "Profile is not" in str(error):
+        return f"the header of the file does not say that it is of ROS 2; {remedy(path)}"
+    held = [file.name for file in _storage_files(path)]
+    if path.is_dir() and held and "files are missing" in str(error):
+        return (
+            f"metadata.yaml names files that are not there ({error}); the folder holds "
+            f"{', '.join(held)}: give it the name that is stated, or name the file itself: "
+            f"{path / held[0]}"
+        )
     return f"the bag is damaged or incomplete: {error or type(error).__name__}; copy it again"
 
 
-def _remedy(path: Path) -> str:
+def remedy(path: Path) -> str:
     """Remedy for a bag whose recorder was killed, or is still at work."""
     folder = path if path.is_dir() else path.with_suffix("")
     return f"mend it: ros2 run crane_nodes recover {path} --out {folder}_recovered"
+
+
+def _magic(file: Path) -> bytes:
+    with file.open("rb") as content:
+        return content.read(len(MCAP_MAGIC))
 
 
 def _closed(file: Path) -> bool:

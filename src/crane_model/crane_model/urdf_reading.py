@@ -170,6 +170,11 @@ def _inertial(link: ET.Element | None, place: Array, path: Path) -> Array | Impo
         for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if not np.isfinite([kilograms, *tensor.flat]).all():
+        raise ConfigurationError(
+            f"{of}: a mass of {kilograms:g} kg and the inertia {_list(np.diag(tensor))}, which "
+            "must be finite; correct <inertial>"
+        )
     if kilograms == 0.0 and not tensor.any():
         return np.zeros(10)
     second = _second_moments(kilograms, tensor)
@@ -193,7 +198,16 @@ def _ten(mass: float, centre: Array, inertia: Array) -> Array:
 
 def _arm(robot: ET.Element, tip: str | None, path: Path) -> tuple[list[ET.Element], str]:
     """The joints from the root to the tip, and the tip."""
-    joints = {_link(joint, "child", path): joint for joint in robot.findall("joint")}
+    found = robot.findall("joint")
+    for what, names in {
+        "joints are called": [joint.get("name", "") for joint in found],
+        "joints lead to link": [_link(joint, "child", path) for joint in found],
+    }.items():
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ConfigurationError(
+                f"{path}: {names.count(twice[0])} {what} '{twice[0]}'; a URDF has one, correct it"
+            )
+    joints = {_link(joint, "child", path): joint for joint in found}
     links = [link.get("name", "") for link in robot.findall("link")]
     arms = {link: _way(joints, link, path) for link in links}
     if tip is None:
@@ -235,6 +249,10 @@ def _entry(
             "a letter first"
         )
     axis = np.array(_triple(joint.find("axis"), "xyz", (1.0, 0.0, 0.0), f"{path}: joint '{name}'"))
+    if not axis.any():
+        raise ConfigurationError(
+            f"{path}: joint '{name}': its <axis> has the length 0, and must have a direction"
+        )
     leader, ratio, offset = led[name]
     follows = leader != name and leader in led
     if follows and offset:
@@ -283,14 +301,15 @@ def _read(path: Path) -> ET.Element:
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise ConfigurationError(f"{path}: must have at most {MAX_FILE_BYTES} bytes")
-        text = path.read_text(encoding="utf-8")
-        if "<!ENTITY" in text:
+        content = path.read_bytes()
+        plain = content.replace(b"\0", b"")  # of UTF-16, too
+        if b"<!ENTITY" in plain:
             raise ConfigurationError(f"{path}: entities are not read; write it out first")
-        robot = ET.fromstring(text)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error}") from None
-    except ET.ParseError as error:
-        if "<xacro:" in text:
+        robot = ET.fromstring(content)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ET.ParseError, LookupError, ValueError) as error:  # ..., or of no known encoding
+        if b"<xacro:" in plain:
             raise _not_expanded(path) from None
         raise ConfigurationError(f"{path}: not valid XML: {error}") from None
     read = [
@@ -366,7 +385,9 @@ def _triple(
     try:
         x, y, z = map(float, given.split())
     except ValueError:
-        raise ConfigurationError(f"{of}: {key} must be three numbers, got '{given}'") from None
+        x = y = z = np.nan
+    if not np.isfinite([x, y, z]).all():
+        raise ConfigurationError(f"{of}: {key} must be three numbers, got '{given}'")
     return x, y, z
 
 

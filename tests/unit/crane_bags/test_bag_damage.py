@@ -105,6 +105,17 @@ def test_files_that_are_missing(make: BagMaker) -> None:
     assert "copy it again" in message
 
 
+REMEDY = "give it the name that is stated, or name the file itself"
+
+
+def test_a_file_with_another_name_than_the_metadata_state(make: BagMaker) -> None:
+    path = make()
+    (path / "bag.mcap").rename(path / "renamed.mcap")
+    message = refusal(path)
+    assert "bag.mcap" in message
+    assert f"the folder holds renamed.mcap: {REMEDY}: {path / 'renamed.mcap'}" in message
+
+
 def test_messages_that_are_missing(make: BagMaker) -> None:
     path = make()
     metadata = yaml.safe_load((path / "metadata.yaml").read_text())

@@ -9,7 +9,8 @@ import pytest
 import yaml
 from laboratory_crane import JOINTS
 from mcap.writer import CompressionType, IndexType, Writer
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
 
 from crane_bags.clocks import SetBack, clock_step
 from crane_bags.reader import TopicData, read_topics
@@ -144,6 +145,26 @@ def test_the_files_decide_how_many_messages_there_are(
     )
 
 
+def test_the_files_decide_of_which_type_a_topic_is(
+    five_messages: list[Message], write_bag: BagMaker
+) -> None:
+    path = write_bag(five_messages)
+    text = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(text.replace(JOINT_STATES.msgtype, "std_msgs/msg/String"))
+    check_five_messages(joint_states(path))
+
+
+def test_a_clock_that_all_messages_follow_back_was_set(
+    joint_state: Serializer, write_bag: BagMaker
+) -> None:
+    """By less than messages may overtake one another in a recording, but its clock goes back."""
+    step, back = 10_000_000, 150_000_000
+    times = [START + k * step - back * (k >= 50) for k in range(100)]
+    path = write_bag([(time, joint_state(time, ["slew"], [0.0])) for time in times])
+    with pytest.raises(DataError, match=r"the clock steps back by 0\.140 s at message 50"):
+        joint_states(path)
+
+
 def test_one_stamp_for_all_messages_is_no_time(
     joint_state: Serializer, write_bag: BagMaker
 ) -> None:
@@ -174,6 +195,30 @@ def test_many_chunks_and_two_publishers(
     check_five_messages(joint_states(path))
 
 
+def test_a_file_without_the_profile_of_ros_is_written_anew(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.finish()
+    remedy = f"recover {path} --out {tmp_path / 'foreign'}_recovered"
+    with pytest.raises(DataError, match=f"does not say that it is of ROS 2; .*{remedy}"):
+        joint_states(path)
+
+
+def test_a_schema_that_is_not_of_ros_is_told(five_messages: list[Message], tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("foxglove.Log", "jsonschema", b"{}")
+        channel = writer.register_channel("/log", "json", schema)
+        writer.add_message(channel, START, b"{}", START)
+        writer.finish()
+    with pytest.raises(DataError, match="a schema of the kind 'jsonschema', and topics of ROS 2"):
+        joint_states(path)
+
+
 def test_record_longer_than_its_chunk(five_messages: list[Message], tmp_path: Path) -> None:
     """No checksum tells, the lengths do."""
     path = tmp_path / "foreign.mcap"
@@ -195,8 +240,12 @@ def test_record_longer_than_its_chunk(five_messages: list[Message], tmp_path: Pa
 
 
 @pytest.mark.parametrize("storage", StoragePlugin)
+@pytest.mark.parametrize("sorted_by_time", [True, False])
 def test_split_bag(
-    storage: StoragePlugin, five_messages: list[Message], write_bag: BagMaker
+    sorted_by_time: bool,
+    storage: StoragePlugin,
+    five_messages: list[Message],
+    write_bag: BagMaker,
 ) -> None:
     first = write_bag(five_messages[:2], storage, "first")
     second = write_bag(five_messages[2:], storage, "second")
@@ -204,10 +253,37 @@ def test_split_bag(
     part.rename(first / part.name)
     metadata = yaml.safe_load((first / "metadata.yaml").read_text())
     information = metadata["rosbag2_bagfile_information"]
-    information["relative_file_paths"].append(part.name)
+    information["relative_file_paths"].insert(1 if sorted_by_time else 0, part.name)
     information["topics_with_message_count"][0]["message_count"] = 5
     (first / "metadata.yaml").write_text(yaml.safe_dump(metadata))
     check_five_messages(joint_states(first))
+
+
+def test_a_file_that_the_metadata_do_not_list_is_told(
+    five_messages: list[Message], write_bag: BagMaker
+) -> None:
+    path, other = write_bag(five_messages), write_bag(five_messages, name="other")
+    (other / "other.mcap").rename(path / "other.mcap")
+    data = joint_states(path)
+    assert len(data.stamp) == 5
+    (note,) = data.notes
+    assert note.startswith("other.mcap: not read, for metadata.yaml does not list it; mend it: ")
+
+
+def test_time_that_goes_back_in_messages_compressed_one_by_one(
+    joint_state: Serializer, tmp_path: Path
+) -> None:
+    times = [START + k * STEP for k in (0, 1, 3, 2, 4)]
+    store = typestore()
+    writer = RosbagsWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with writer:
+        topic = writer.add_connection(JOINT_STATES.name, JOINT_STATES.msgtype, typestore=store)
+        for time in times:
+            writer.write(topic, time, joint_state(time, JOINTS, [0.0] * 4))
+    back = joint_states(tmp_path / "bag").select(JOINTS).set_back
+    assert back is not None
+    assert (back.times, back.largest, back.behind, back.logged) == (1, STEP, 1, True)
 
 
 def test_qos_of_the_metadata_that_the_file_does_not_state(

@@ -93,6 +93,17 @@ def test_two_wrong_entries_do_not_hide_each_other(tmp_path: Path) -> None:
     assert "Without these 2 priors: " in findings(result, [log(1.0)])[2]
 
 
+def test_a_wrong_entry_that_the_recordings_outweigh_is_said_to_move_nothing(tmp_path: Path) -> None:
+    alone = fit(AXIS, [log(1.0)], PLAIN).estimate
+    std_dev = 20.0 * alone.std_devs[0]
+    text = f"{{inertia.axis: {{value: {alone.values[0] + 15 * std_dev}, std_dev: {std_dev}}}}}"
+    result = fit(AXIS, [log(1.0)], PLAIN, prior=prior(tmp_path, f"parameters: {text}"))
+    assert (
+        "Without it: no parameter moves by more than 2.00 σ, as the recordings or other priors "
+        "determine them" in findings(result, [log(1.0)])[0]
+    )
+
+
 def test_what_recordings_do_not_show_contradicts_nothing(tmp_path: Path) -> None:
     """Of offset and Coulomb friction of a joint that moves one way, only the sum is seen."""
     time = np.linspace(0.0, 20.0, 2001)

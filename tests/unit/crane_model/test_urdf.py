@@ -115,6 +115,12 @@ def test_fixed_joints_are_part_of_the_next_and_limits_that_are_not_there_are_mar
     assert machine.limits["swing"].position_max == pytest.approx(np.pi)
 
 
+TWICE = """
+  <link name="hook"/>
+  <joint name="{}" type="fixed"><parent link="house"/><child link="{}"/></joint>
+</robot>"""
+
+
 @pytest.mark.parametrize(
     ("change", "tip", "told"),
     [
@@ -126,6 +132,14 @@ def test_fixed_joints_are_part_of_the_next_and_limits_that_are_not_there_are_mar
         (("swing", "swing joint"), None, "joint 'swing joint': a machine file needs names of"),
         (("", ""), "house", "no joint moves link 'house'; name one of boom, camera by --tip"),
         (('link="world"/><child', 'link="boom"/><child'), None, "go round in a circle"),
+        (
+            ('0 0 1"/></joint>\n<joint name="lens', '0 0 0"/></joint>\n<joint name="lens'),
+            None,
+            "has the length 0",
+        ),
+        (("0.5 0 0", "0.5 nan 0"), None, "xyz must be three numbers, got '0.5 nan 0'"),
+        (("</robot>", TWICE.format("swing", "hook")), None, "2 joints are called 'swing'"),
+        (("</robot>", TWICE.format("other", "boom")), None, "2 joints lead to link 'boom'"),
     ],
 )
 def test_what_is_no_arm_is_refused(
@@ -346,3 +360,18 @@ def test_a_body_that_cannot_exist_is_named_and_left_out(
     assert "# MISSING: j0: l1: an inertial that no body has" in prior.read_text()
     (body, _) = bodies_from_urdf(file)
     assert not body.known
+
+
+def test_a_body_without_numbers_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(with_bodies(INERTIAL.format(c="0 0 0", m="nan", i=1.0)))
+    with pytest.raises(ConfigurationError, match="link 'l1': a mass of nan kg .* must be finite"):
+        bodies_from_urdf(file)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "iso-8859-1"])
+def test_the_encoding_that_a_urdf_states_is_read(encoding: str, tmp_path: Path) -> None:
+    text = ARM.replace('name="arm"', 'name="Führung"')
+    file = tmp_path / "arm.urdf"
+    file.write_bytes(f'<?xml version="1.0" encoding="{encoding}"?>{text}'.encode(encoding))
+    assert "name: Führung" in machine_file_from_urdf(file)[0]

@@ -72,6 +72,15 @@ def test_stamps_of_later_blocks_go_on_or_begin_anew(tmp_path: Path) -> None:
     assert since(frames) == pytest.approx([1.0, 120.5], abs=1e-6)
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be"])
+def test_a_log_in_utf_16_is_read(encoding: str, tmp_path: Path) -> None:
+    path = tmp_path / "bus.asc"
+    path.write_bytes((header() + frame(1.0)).encode(encoding))
+    log = open_log(path)
+    assert since(list(log.frames())) == pytest.approx([1.0], abs=1e-6)
+    assert log.damaged == 0
+
+
 def test_channels_have_the_numbers_of_the_file(tmp_path: Path) -> None:
     text = header() + frame(0.0, 1, channel=1) + frame(0.1, 2, channel=2) + frame(0.2, 7, channel=7)
     with pytest.raises(DataError, match="frames of channels 1, 2 and 7; say which one to read"):

@@ -30,8 +30,12 @@ def record(
     frames: Sequence[tuple[str, dict[str, Any]]],
     storage: StoragePlugin = StoragePlugin.MCAP,
     msgtype: str = "can_msgs/msg/Frame",
+    clock: Sequence[int] | None = None,
 ) -> Path:
-    """A bag of the frames (topic and fields), 10 ms apart, received 1 ms after their stamps."""
+    """A bag of the frames (topic and fields), received 1 ms after their stamps.
+
+    `clock`: stamp of each in 10 ms; None: one after the other.
+    """
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(TYPES[msgtype], msgtype))
     header, time = (
@@ -43,7 +47,7 @@ def record(
             for topic in dict.fromkeys(topic for topic, _ in frames)
         }
         for number, (topic, fields) in enumerate(frames):
-            stamp = START + 10_000_000 * number
+            stamp = START + 10_000_000 * (clock[number] if clock else number)
             values = {
                 name: False for name in store.types[msgtype].__dataclass_fields__ if "is_" in name
             }
@@ -101,6 +105,18 @@ def test_a_topic_is_a_channel(
     assert main([*arguments, "--channel", topics[1]]) == 0
     assert pl.read_csv(out)["value"].to_list() == [1.0, 3.0, 5.0]
     assert "beside them 3 frames of other channels" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+def test_a_clock_that_goes_back_among_frames_is_told(
+    storage: StoragePlugin, tmp_path: Path
+) -> None:
+    order = [0, 1, 2, 3, 0, 1, 2, 3]  # a bag that was played again
+    path = tmp_path / "bag"
+    bag = record(path, [("/from_can_bus", frame(n)) for n in order], storage, clock=order)
+    log = open_log(bag)
+    assert [one.data[0] for one in log.frames()] == order, "as they arrived"
+    assert (log.set_back, log.furthest_back) == (1, 30_000_000)
 
 
 def test_a_bag_of_something_else_is_refused(tmp_path: Path) -> None:

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from crane_driver.can.bus_log import Clock
 from crane_driver.can.frame import Frame
-from crane_driver.can.log_formats import CandumpLog
+from crane_driver.can.log_formats import CandumpLog, open_log
 from crane_model.errors import DataError
 
 
@@ -56,6 +57,42 @@ def test_damaged_lines_are_counted_and_skipped(tmp_path: Path) -> None:
 def test_a_byte_order_mark_damages_no_line(tmp_path: Path) -> None:
     log, frames = read(tmp_path, "\ufeff(1.0) can0 123#11\n(1.1) can0 123#22\n")
     assert [frame.data for frame in frames] == [b"\x11", b"\x22"]
+    assert log.damaged == 0
+
+
+@pytest.mark.parametrize(
+    ("shown", "clock"),
+    [("(1700000000.250000)", Clock.EPOCH), ("(2023-11-14 22:13:20.250000)", Clock.LOCAL)],
+)
+def test_the_screen_of_candump_is_read_if_its_stamps_tell_when(
+    shown: str, clock: Clock, tmp_path: Path
+) -> None:
+    path = tmp_path / "bus.log"
+    path.write_text(
+        f" {shown}  can0  123   [2]  11 FF\n"
+        f" {shown}  can0  RX - -  00000123   [2]  11 22   '.\"'\n"
+        f" {shown}  can0  123   [0]  remote request\n"
+        f" {shown}  can0  123   [2]  11\n"
+    )
+    log = open_log(path)
+    frames = list(log.frames())
+    assert {frame.stamp for frame in frames} == {1_700_000_000_250_000_000}
+    assert [frame.data for frame in frames] == [b"\x11\xff", b"\x11\x22"]
+    assert [frame.extended for frame in frames] == [False, True]
+    assert (log.clock, log.remote, log.damaged) == (clock, 1, 1)
+
+
+def test_a_raw_length_behind_the_data_damages_no_line(tmp_path: Path) -> None:
+    log, (frame,) = read(tmp_path, "(1.0) can0 123#1122334455667788_9\n")  # of candump -8
+    assert (len(frame.data), log.damaged) == (8, 0)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_a_log_that_a_shell_of_windows_wrote_is_read(encoding: str, tmp_path: Path) -> None:
+    path = tmp_path / "bus.log"
+    path.write_bytes("(1.0) can0 123#11\r\n(1.1) can0 123#22\r\n".encode(encoding))
+    log = open_log(path)
+    assert [frame.data for frame in log.frames()] == [b"\x11", b"\x22"]
     assert log.damaged == 0
 
 

@@ -74,6 +74,21 @@ def test_what_is_no_dbc_file_is_refused(tmp_path: Path, content: bytes, reason: 
     assert str(caught.value).startswith(str(path))
 
 
+@pytest.mark.parametrize(
+    ("signals", "reason"),
+    [
+        ([("Angle", "0|16@1- (0,0) [0|0]", "")], "Angle of message Boom has the factor 0"),
+        ([("Angle", f"{start}|8@1- (1,0) [0|0]", "") for start in (0, 8)], "two signals Angle"),
+    ],
+)
+def test_signals_without_a_value_of_their_own_are_refused(
+    signals: list[tuple[str, str, str]], reason: str, write_dbc: Callable[..., Path]
+) -> None:
+    path = write_dbc({"Boom": (0x98FF0121, 2, 5, signals)})
+    with pytest.raises(ConfigurationError, match=reason):
+        load_dbc(path)
+
+
 def test_an_absent_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="absent.dbc: cannot be read: No such file"):
         load_dbc(tmp_path / "absent.dbc")

@@ -184,3 +184,74 @@ def test_codes_of_a_bag_are_kept_by_the_mapping(decode: Any) -> None:
     assert "not measurements" not in said
     pressures = read_topics(bag, (CYLINDER_PRESSURES,))[CYLINDER_PRESSURES.name]
     assert pressures.fields["chamber_a"].max() == 0xFFFF * 1000.0
+
+
+LABELS = (
+    'VAL_ 257 Chamber 65535 "SNA" 65534 "Sensor_Error" 65533 "Full" ;\n'
+    'VAL_ 257 Ready 2 "Error" 3 "Not available" ;\n'
+)
+
+
+@pytest.fixture
+def labelled(write_dbc: WriteDbc) -> Path:
+    """A DBC of standard identifiers whose value tables name codes."""
+    standard = messages(0xFE)
+    standard["Boom"] = (0x101, *standard["Boom"][1:])
+    path = write_dbc(standard)
+    path.write_text(path.read_text() + LABELS)
+    return path
+
+
+def test_a_code_that_the_value_table_names_is_no_measurement(
+    labelled: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, out = tmp_path / "bus.log", tmp_path / "table.parquet"
+    lines = [line(k, 0x21, pressure=0xFFFF - k, ready=3) for k in range(3)]
+    log.write_text("".join(lines).replace("18FF0121", "101"))
+    assert main(["--log", str(log), "--dbc", str(labelled), "--out", str(out)]) == 0
+    table = pl.read_parquet(out)
+    assert table.filter(signal="Chamber")["value"].to_list() == [None, None, 0xFFFD * 1000.0]
+    assert table.filter(signal="Ready")["value"].to_list() == [3.0, 3.0, 3.0], "states are numbers"
+    said = capsys.readouterr().out
+    assert "Boom.Chamber: 1 x not available, Boom.Chamber: 1 x error" in said
+
+
+def test_the_driver_takes_no_code_of_a_value_table_for_a_pressure(
+    labelled: Path, write_mapping: WriteMapping
+) -> None:
+    driver = DriverCodec(load_layout(load_machine(), write_mapping(MAPPING), labelled))
+    readings = driver.decode(Frame(0x101, b"\0\0\xff\xff\0\0"))
+    assert readings is not None
+    assert not readings.pressures
+    assert readings.faults[0].detail == (
+        "inner_boom.a: Chamber is 0xFFFF, which means not available"
+    )
+
+
+def test_a_code_that_the_value_table_names_too_is_still_one_of_j1939(
+    decode: Any, write_dbc: WriteDbc
+) -> None:
+    dbc = messages(0xFE)
+    _, _, out = decode(CODES, dbc)
+    path = write_dbc(dbc)
+    path.write_text(path.read_text() + f'VAL_ {dbc["Boom"][0]} Chamber 65535 "NotAvailable";\n')
+    options = ["--log", str(out.parent / "bus.log"), "--dbc", str(path), "--out", str(out)]
+    assert main([*options, "--replace"]) == 0
+    chamber = pl.read_parquet(out).filter(signal="Chamber")
+    assert chamber["value"].to_list() == [0xFAFF * 1000.0, None, None, None]
+
+
+def test_no_number_of_a_float_signal_is_a_fault_and_no_code(
+    write_dbc: WriteDbc, write_mapping: WriteMapping
+) -> None:
+    dbc = messages(0x21)
+    dbc["Boom"] = (0x101, 8, 10, [
+        ("Angle", "0|16@1- (0.01,0) [0|0]", "deg"), ("Chamber", "32|32@1- (1,0) [0|0]", "Pa"),
+    ])  # fmt: skip
+    path = write_dbc(dbc)
+    path.write_text(path.read_text() + "SIG_VALTYPE_ 257 Chamber : 1;\n")
+    driver = DriverCodec(load_layout(load_machine(), write_mapping(MAPPING), path))
+    readings = driver.decode(Frame(0x101, bytes(4) + np.float32(np.nan).tobytes()))
+    assert readings is not None
+    assert not readings.pressures
+    assert [fault.kind for fault in readings.faults] == [FaultKind.OUT_OF_RANGE]

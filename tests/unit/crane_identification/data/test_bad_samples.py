@@ -116,6 +116,14 @@ def test_pressures_may_jump_but_not_there_and_back() -> None:
     assert "pressure a of boom (/cylinder_pressures): 1 sample left out" in log.warnings[0]
 
 
+def test_a_coarse_pressure_that_changes_little_has_no_bad_samples() -> None:
+    log = recording()
+    assert log.pressure_a is not None
+    noise = 2e5 * np.random.default_rng(1).normal(size=log.pressure_a.value.shape)
+    coarse = 1e6 * np.round((3.5e6 + 0.8e6 * np.sin(log.pressure_a.time)[:, None] + noise) / 1e6)
+    assert usable(replace(log, pressure_a=replace(log.pressure_a, value=coarse))).notes == ()
+
+
 def test_samples_without_a_number_are_counted() -> None:
     log = usable(changed(recording(), 0, [5, 6, 700], np.nan))
     assert log.warnings == ("bag: position of boom (/joint_states): 3 samples without a number.",)

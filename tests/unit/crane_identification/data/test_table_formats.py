@@ -51,6 +51,27 @@ def test_blank_lines_at_the_end(end: str, tmp_path: Path) -> None:
     check(by_rate, [0, 0.1], [1, 2], [10, 20])
 
 
+@pytest.mark.parametrize(
+    ("encoding", "end"), [("utf-16", "\r\n"), ("utf-16", "\n"), ("utf-8", "\r")]
+)
+def test_texts_of_any_spreadsheet(encoding: str, end: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(end.join(["t,x,f", "0,1,10", "0.1,2,20", ""]).encode(encoding))
+    check(read_table(path, mapped(PLAIN), ["axis"]), [0, 0.1], [1, 2], [10, 20])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t,x,x,f\n0,1,5,10\n0.1,2,6,20\n", "two columns are called 'x'; rename one"),
+        ("t,x,f\n0,1,10\n0.1,2,20,5\n", "a row has more fields than the header; correct the row"),
+    ],
+)
+def test_a_table_that_does_not_fit_its_header(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(CraneError, match=message):
+        read(tmp_path / "a.csv", text)
+
+
 def test_a_blank_line_between_stamped_rows_holds_nothing(tmp_path: Path) -> None:
     log = read(tmp_path / "a.csv", "t,x,f\n0,1,10\n\n0.1,2,20\n")
     check(log, [0, 0.1], [1, 2], [10, 20])

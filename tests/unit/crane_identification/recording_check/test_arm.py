@@ -70,6 +70,12 @@ def test_a_turned_force_is_found(model: Model, good: Log, j: int) -> None:
     assert found.where == f"axis {j + 1}" and "the sign of its force" in found.cause
 
 
+@pytest.mark.filterwarnings("error")
+def test_efforts_of_zeros_are_told_and_not_fitted(model: Model, good: Log) -> None:
+    found = check(None, each(good, FORCE, np.zeros_like), model).decisive
+    assert found and all("zeros stand in its place" in str(one) for one in found)
+
+
 @pytest.mark.parametrize("angle", [np.pi / 2, -np.pi / 2])
 def test_a_zero_that_is_off(model: Model, good: Log, angle: float) -> None:
     off = each(good, ("position",), column(4, lambda q: q - angle))
