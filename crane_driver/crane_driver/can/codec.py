@@ -1,7 +1,7 @@
 """Frames to values and back, at both ends of the bus: the driver, and the machine."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -489,9 +489,6 @@ class MachineCodec:
         self._decoder = Decoder(layout.commands)
         self._encoder = Encoder(layout.readings)
         self._layouts = {message.name: message for message in layout.readings}
-        self._states = {
-            state.name: state for message in layout.readings for state in message.states
-        }
 
     def decode(self, frame: Frame) -> Readings | None:
         """Read a valve frame; None if it is not one."""
@@ -508,7 +505,6 @@ class MachineCodec:
         positions: Mapping[str, float],
         pressures: Mapping[str, float],
         states: Mapping[str, str],
-        faulty: Collection[str] = (),
         accepted: Mapping[str, int] = {},
     ) -> Frame:
         """Encode the readings of one message; signals that nobody maps are 0.
@@ -521,8 +517,6 @@ class MachineCodec:
             Position of each joint [rad, m], and pressure of each chamber and line [Pa].
         states
             State of each device, by its name in the DBC.
-        faulty
-            Readings that are marked as such.
         accepted
             Counter of the last accepted frame of each command message.
 
@@ -540,9 +534,6 @@ class MachineCodec:
         raw: dict[str, float] = {signal.name: 0 for signal in layout.message.signals}
         raw |= raw_values("position", layout.positions, positions)
         raw |= raw_values("pressure", layout.pressures, pressures)
-        for channel in (*layout.positions, *layout.pressures):
-            if channel.fault and channel.name in faulty:
-                raw[channel.fault] = 1
         for state in layout.states:
             raw[state.signal] = state.number(states[state.name])
         for echo in layout.echoes:

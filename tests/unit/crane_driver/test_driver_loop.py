@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from unit.crane_driver.driven import disowned
 
 from crane_driver.can.assembly import LEARNING_FRAMES
 from crane_driver.can.binding import load_layout
@@ -65,8 +66,9 @@ class Bench:
         stamp = EPOCH + round(time * 1e9)
         names = [one for one in self.machine.cycles if one != "ValveStatus" or self.count % 2]
         return [
-            self.machine.reading_frame(
-                name, positions, PRESSURES, {"valve_unit": "Neutral"}, faulty
+            disowned(
+                self.machine.reading_frame(name, positions, PRESSURES, {"valve_unit": "Neutral"}),
+                faulty,
             )._replace(stamp=stamp, steady=self.now)
             for name in names
         ]

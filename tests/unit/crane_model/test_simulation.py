@@ -8,6 +8,7 @@ import pytest
 from laboratory_crane import PLANAR_JOINTS
 from scipy.integrate import solve_ivp
 from unit.crane_model.changed_machine import with_actuator
+from unit.crane_model.lagrangian import energy
 from unit.crane_model.pinocchio_crane import (
     dynamic_parameters,
     planar_crane,
@@ -17,7 +18,7 @@ from unit.crane_model.pinocchio_crane import (
 
 from crane_model.base_parameters import lagrangian_from_standard
 from crane_model.cylinders import cylinder_forces_from_generalized, lever_arms
-from crane_model.dynamics import Geometry, energy
+from crane_model.dynamics import Geometry
 from crane_model.errors import RangeError
 from crane_model.model_file import Model
 from crane_model.record import Record

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from unit.crane_sim.injected_machine import effect_of
+from unit.crane_sim.injected_machine import effect_of, inverse_dynamics
 
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine, load_machine
@@ -28,7 +28,6 @@ from crane_sim.ground_truth import (
 )
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import SimulatedCrane, column
-from crane_sim.parts.rigid_bodies import inverse_dynamics
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors

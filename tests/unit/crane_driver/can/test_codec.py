@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from unit.crane_driver.driven import disowned
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec, MachineCodec, frame_crc
@@ -171,9 +172,8 @@ def test_a_reading_out_of_range_is_no_measurement(crane: Layout) -> None:
 
 
 def test_a_reading_that_its_sensor_disowns_is_no_measurement(crane: Layout) -> None:
-    machine = MachineCodec(crane)
-    frame = machine.reading_frame("PressureBooms", AT_REST, UNDER_LOAD, {}, {"outer_boom.a"})
-    readings = DriverCodec(crane).decode(frame)
+    frame = MachineCodec(crane).reading_frame("PressureBooms", AT_REST, UNDER_LOAD, {})
+    readings = DriverCodec(crane).decode(disowned(frame, ("outer_boom.a",), crane))
     assert readings is not None
     assert readings.pressures.keys() == {"inner_boom.a", "inner_boom.b", "outer_boom.b"}
     (fault,) = readings.faults

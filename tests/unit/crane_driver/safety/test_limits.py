@@ -12,6 +12,7 @@ from crane_driver.safety.commands import JointLimiter, load_safety
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_model.sensors import in_counts
 from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.plant import Plant
 
@@ -121,7 +122,7 @@ def driven(
     for _ in range(cycles):
         plant.advance(u, CYCLE)
         position, velocity, _ = velocity_filter.update(
-            plant.time, chain.measure_positions(JOINTS, plant.q)
+            plant.time, in_counts(plant.q, chain.counts(JOINTS))
         )
         told.append((position[i], velocity[i]))
         known = told[-1 - late]
