@@ -255,7 +255,6 @@ class MeasuredJoints(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """The stamp [s]."""
         return self.stamp.sec + self.stamp.nanosec * 1e-9
 
 

@@ -267,12 +267,10 @@ class IdentificationReport:
 
     @property
     def training_bags(self) -> list[str]:
-        """Sources of the fit, each once."""
         return list(dict.fromkeys(log.source for log in self.training))
 
     @property
     def validation_bags(self) -> list[str]:
-        """Sources of the validation, each once."""
         return list(dict.fromkeys(v.source for v in self.validations))
 
 

@@ -225,7 +225,6 @@ class PayloadEstimator:
 
     @property
     def machine(self) -> Machine:
-        """The machine of the model."""
         return self._mechanics.machine
 
     @property
