@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 from unit.crane_driver.can.traffic import BEGIN, CRANE, Bus, Sent
 
-from crane_driver.can.codec import MachineCodec, SignalBits, frame_crc
+from crane_driver import MachineCodec, load_safety
+from crane_driver.can.codec import SignalBits, frame_crc
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
-from crane_driver.safety.commands import load_safety
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())

@@ -8,17 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from unit.crane_driver.driven import disowned
 
+from crane_driver import DriverCodec, Fault, FaultKind, MachineCodec, load_layout, load_safety
 from crane_driver.can.assembly import LEARNING_FRAMES
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import CylinderEffort, DriverLoop, JointSample, PressureSample
-from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.commands import load_safety
 from crane_driver.safety.supervisor import SafetyState
-from crane_model.cylinders import generalized_forces
-from crane_model.machine import load_machine
+from crane_model import generalized_forces, load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.this_computer import ProcessorTime
 

@@ -4,7 +4,8 @@ from filterpy.common import Q_continuous_white_noise
 from filterpy.kalman import KalmanFilter
 from scipy.linalg import solve_discrete_are
 
-from crane_driver.velocity_filter import JERK_MEMORY_S, UNKNOWN_VELOCITY, VelocityFilter
+from crane_driver import VelocityFilter
+from crane_driver.velocity_filter import JERK_MEMORY_S, UNKNOWN_VELOCITY
 
 STEP = 0.005
 JERK_DENSITY = np.array([1e-4, 2.4e-4, 1e-3, 1e-5])

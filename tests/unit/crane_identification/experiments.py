@@ -7,14 +7,13 @@ encoders and transducers on is what happens to a recording of the machine.
 import numpy as np
 from unit.crane_identification.synthetic import AREAS, crane_model
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
+from crane_model import Model, Record
 from crane_model.configuration import load
 from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model
-from crane_model.record import Record
 from crane_model.sensors import SensorChain, in_counts
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory import load_trajectory
 
 LOWEST_PRESSURE = 1e6  # Pa, in the chamber that pushes less
 

@@ -15,17 +15,13 @@ from unit.crane_identification.synthetic import (
     crane_model,
 )
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Estimator, FitResult, Log, Options, Signal, fit, validate
 from crane_identification.estimation.excitation import redundancies
 from crane_identification.estimation.prior import load_prior
-from crane_identification.fitting import FitResult, fit, validate
-from crane_identification.options import Estimator, Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report.content import pooled
 from crane_identification.report.findings import findings
-from crane_model.errors import ConfigurationError, DataError
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
+from crane_model import ConfigurationError, DataError, Model, Record, load_model
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import pytest
 from unit.crane_model.lagrangian import LAGRANGIAN_PARAMETERS
 from unit.crane_model.pinocchio_crane import A_3, planar_crane, random_bodies
 
+from crane_model import Model, Record
 from crane_model.base_parameters import (
     REPORT_PARAMETERS,
     REPORT_UNITS,
@@ -17,8 +18,6 @@ from crane_model.base_parameters import (
     reveal_rank,
 )
 from crane_model.dynamics import Geometry, lagrangian_regressor
-from crane_model.model_file import Model
-from crane_model.record import Record
 from crane_model.terms.rigid_body import BASE_PARAMETERS
 
 SAMPLES = 300

@@ -11,9 +11,9 @@ from unit.crane_model.lagrangian import (
     mass_matrix,
 )
 
+from crane_model import load_machine
 from crane_model.base_parameters import lagrangian_from_standard
 from crane_model.dynamics import Geometry
-from crane_model.machine import load_machine
 
 GEOMETRY = Geometry.of(load_machine())
 

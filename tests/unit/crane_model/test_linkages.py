@@ -7,17 +7,14 @@ import pytest
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 from unit.crane_model.changed_machine import with_actuator
 
+from crane_model import Machine, RangeError, generalized_forces, lever_arms
 from crane_model.cylinders import (
     cylinder_force,
     cylinder_forces_from_generalized,
     cylinder_geometry,
     cylinder_length,
-    generalized_forces,
     lever_arm,
-    lever_arms,
 )
-from crane_model.errors import RangeError
-from crane_model.machine import Machine
 
 COMPLEX_STEP = 1e-30
 LEVER_SIGN = {"slew": 1.0, "inner_boom": 1.0, "outer_boom": -1.0, "telescope": 1.0}

@@ -19,10 +19,9 @@ from unit.crane_model.pinocchio_crane import (
     standard_from_pinocchio,
 )
 
+from crane_model import Model, Record
 from crane_model.base_parameters import lagrangian_from_standard
 from crane_model.dynamics import Geometry, lagrangian_regressor
-from crane_model.model_file import Model
-from crane_model.record import Record
 
 TOLERANCE = 1e-9
 CRANES, STATES_EACH = 20, 500  # 10,000 states

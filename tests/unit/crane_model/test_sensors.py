@@ -5,8 +5,8 @@ import pytest
 from laboratory_crane import JOINTS
 from scipy.stats import chi2
 
+from crane_model import Machine
 from crane_model.configuration import load
-from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain, in_counts
 

@@ -16,13 +16,10 @@ from unit.crane_model.pinocchio_crane import (
     standard_from_pinocchio,
 )
 
+from crane_model import Model, RangeError, Record, Simulation, lever_arms, simulate
 from crane_model.base_parameters import lagrangian_from_standard
-from crane_model.cylinders import cylinder_forces_from_generalized, lever_arms
+from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.dynamics import Geometry
-from crane_model.errors import RangeError
-from crane_model.model_file import Model
-from crane_model.record import Record
-from crane_model.simulation import Simulation, simulate
 
 COULOMB = np.array([800.0, 300.0, 250.0])
 ASYMMETRY = np.array([50.0, -30.0, 40.0])

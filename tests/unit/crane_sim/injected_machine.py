@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.machine import Machine
+from crane_model import Machine
+from crane_sim import SimulatedCrane
 from crane_sim.effects.form import Injected, InjectedForm, packed
 from crane_sim.effects.kernel import FORMS, act, settle
 from crane_sim.parts.constants import Constants, Scratch, State, at_rest, pack, room
 from crane_sim.parts.cylinders import set_lengths_and_levers
-from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.parts.rigid_bodies import Chain, mass_and_bias
 
 STEP = 2e-4  # s

@@ -8,13 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from unit.crane_driver.driven import disowned
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec, MachineCodec, frame_crc
+from crane_driver import DriverCodec, FaultKind, MachineCodec, load_layout
+from crane_driver.can.codec import frame_crc
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
-from crane_driver.faults import FaultKind
-from crane_model.errors import RangeError
-from crane_model.machine import load_machine
+from crane_model import RangeError, load_machine
 from crane_model.machine_files import machine_file
 
 JOINTS = load_machine().joint_names

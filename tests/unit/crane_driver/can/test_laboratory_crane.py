@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver import DriverCodec, MachineCodec
 from crane_driver.can.dbc import Dbc, load_dbc
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
+from crane_model import load_machine
 from crane_model.configuration import load
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain, in_counts
 

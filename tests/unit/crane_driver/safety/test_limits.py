@@ -8,13 +8,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from crane_driver.safety.commands import JointLimiter, load_safety
-from crane_driver.velocity_filter import VelocityFilter
-from crane_model.machine import load_machine
+from crane_driver import VelocityFilter, load_safety
+from crane_driver.safety.commands import JointLimiter
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import in_counts
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.plant import Plant
+from crane_sim import Plant, load_simulated_crane
 
 JOINTS = load_machine().joint_names
 MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())

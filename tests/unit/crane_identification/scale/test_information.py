@@ -7,9 +7,7 @@ from unit.crane_identification.online.online_crane import crane, motion
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.regression import Rows, balancing, solve_weighted
 from crane_identification.scale.summed import Information
-from crane_model.errors import DataError
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_model import DataError, Model, Record
 
 SCALES = np.array([40.0, 15.0, 25.0])  # of the noise
 
