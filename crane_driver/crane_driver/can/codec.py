@@ -144,8 +144,10 @@ class Encoder:
         message, protection = layout.message, layout.protection
         values = dict(raw)
         if protection.counter:
-            values[protection.counter] = self._counters[layout.name]
-            self._count(layout)
+            first, counter = protection.counter_first, self._counters[layout.name]
+            values[protection.counter] = counter
+            following = (counter + 1 - first) % protection.counter_count
+            self._counters[layout.name] = first + following
         if protection.crc:
             values[protection.crc] = 0
         data = self._bits[layout.name].pack(values)
@@ -154,11 +156,6 @@ class Encoder:
             position = protection.crc_byte
             data = data[:position] + bytes((crc,)) + data[position + 1 :]
         return Frame(message.frame_id, data, message.is_extended_frame)
-
-    def _count(self, layout: MessageLayout) -> None:
-        protection = layout.protection
-        step = self._counters[layout.name] + 1 - protection.counter_first
-        self._counters[layout.name] = protection.counter_first + step % protection.counter_count
 
 
 def raw_values(
@@ -410,7 +407,13 @@ class DriverCodec:
         self.conflicts = self._decoder.conflicts  # ids of two devices that both send a message
         self._valves = frozenset(layout.valves)
         self._neutral = dict.fromkeys(layout.valves, 0.0)
-        self._constants = {message.name: _whole(message.constants) for message in layout.commands}
+        self._constants = {
+            message.name: {
+                name: int(value) if value.is_integer() else value
+                for name, value in message.constants.items()
+            }
+            for message in layout.commands
+        }
 
     def decode(self, frame: Frame) -> Readings | None:
         """Read a frame.
@@ -539,7 +542,3 @@ class MachineCodec:
         for echo in layout.echoes:
             raw[echo.signal] = accepted.get(echo.command, echo.nothing)
         return self._encoder.encode(layout, raw)
-
-
-def _whole(raw: Mapping[str, float]) -> dict[str, float]:
-    return {name: int(value) if value.is_integer() else value for name, value in raw.items()}

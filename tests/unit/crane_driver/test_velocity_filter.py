@@ -108,7 +108,7 @@ def test_motion_of_the_crane_through_its_encoder(jitter: float) -> None:
 
 
 def two_joints() -> VelocityFilter:
-    velocity_filter = VelocityFilter([1e-3, 1e-3], [1e-4, 1e-4], longest_pause=0.1)
+    velocity_filter = VelocityFilter([1e-3, 1e-3], [1e-4, 1e-4])
     run(velocity_filter, np.arange(200) * STEP, np.outer(np.arange(200) * STEP, [1.0, -1.0]))
     return velocity_filter
 
