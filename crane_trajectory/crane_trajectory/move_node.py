@@ -115,9 +115,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def posed(machine: Machine, words: Sequence[str]) -> np.ndarray:
     """(j,) the pose [rad, m]; joints that are not named are in the middle of their ranges."""
-    limits = [machine.limits[joint] for joint in machine.joint_names]
-    middle = np.array([(limit.position_min + limit.position_max) / 2.0 for limit in limits])
-    return parse_pose(words, machine, middle)
+    return parse_pose(words, machine, machine.ranges().middle)
 
 
 def _planned(move: Move, machine: Machine, start: np.ndarray) -> TipPath:

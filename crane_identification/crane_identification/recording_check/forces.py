@@ -76,11 +76,9 @@ class Grid:
     @cached_property
     def moving(self) -> np.ndarray:
         """(n, j) where friction has one sign, and has settled."""
-        limits = [self.machine.limits[joint] for joint in self.joints]
-        slowest = MOVING * np.array(
-            [min(limit.velocity_max, -limit.velocity_min) for limit in limits]
+        moves = (
+            np.abs(self.record.velocity) > MOVING * self.machine.ranges(self.joints).slower_speed
         )
-        moves = np.abs(self.record.velocity) > slowest
         around = max(1, round(FORCE_SETTLING_S / self.step))
         return np.stack([binary_erosion(column, iterations=around) for column in moves.T], axis=1)
 

@@ -147,9 +147,7 @@ class PredictiveFlow:
         sensing = machine.hydraulics.load_sensing
         self._drop = sensing.margin if sensing else None
         self._load, self._tables = ReferenceLoad(model, machine), tables(machine)
-        limits = [machine.limits[joint] for joint in joints]
-        fastest = np.array([max(each.velocity_max, -each.velocity_min) for each in limits])
-        self._most = LARGEST_DISTURBANCE * fastest
+        self._most = LARGEST_DISTURBANCE * machine.ranges(joints).top_speed
         self._tolerance = np.array([REST_TOLERANCE[machine.units[joint]] for joint in joints])
         self._codes = np.full(len(joints), NOT_INITIALISED)
         self._reset(np.zeros(len(joints)))

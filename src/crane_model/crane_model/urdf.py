@@ -125,7 +125,7 @@ def _joint(
         "limit",
         lower=repr(low),
         upper=repr(high),
-        velocity=repr(abs(ratio) * max(-limits.velocity_min, limits.velocity_max)),
+        velocity=repr(abs(ratio) * limits.top_speed),
         effort=f"{max((np.abs(force).max() for force in strengths), default=0.0):.6g}",
     )
     if friction is not None:

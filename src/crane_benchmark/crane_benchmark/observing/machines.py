@@ -67,12 +67,9 @@ class WorkCycles:
         """
         rng = np.random.default_rng([seed, 17])
         joints = machine.joint_names
-        limits = [machine.limits[joint] for joint in joints]
-        low = np.array([limit.position_min for limit in limits])
-        high = np.array([limit.position_max for limit in limits])
-        speed = np.array([min(-limit.velocity_min, limit.velocity_max) for limit in limits])
+        low, high, middle, speed, _ = machine.ranges()
         moving = np.array([machine.cylinders[joint].pressure_sensors for joint in joints])
-        middle, half = (low + high) / 2.0, REACHED * (high - low) / 2.0
+        half = REACHED * (high - low) / 2.0
         poses, begins, ends, loads, now, load = [start], [], [], [], 0.0, 0.0
         while now < duration:
             now += rng.uniform(*RESTS)
