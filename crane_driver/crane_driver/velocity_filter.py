@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 UNKNOWN_VELOCITY = 10.0  # rad/s or m/s; standard deviation before the second sample
 # s; before the second sample the acceleration is what jerk makes of it in this time
 JERK_MEMORY_S = 1.0
+LONGEST_PAUSE_S = 0.1  # without a reading, after which a joint begins anew
 
 
 class JointMotion(NamedTuple):
@@ -35,8 +36,6 @@ class VelocityFilter:
         Expected jerk squared times the time for which it lasts [(rad or m)²/s⁵].
     resolution : array_like, shape (j,)
         Step of the encoders [rad or m]; a reading has the variance resolution²/12.
-    longest_pause : float
-        A longer time without a reading resets a joint [s].
 
     Raises
     ------
@@ -44,15 +43,14 @@ class VelocityFilter:
         If a value is not positive, or the shapes differ.
     """
 
-    def __init__(self, jerk_density: ArrayLike, resolution: ArrayLike, longest_pause: float = 0.1):
+    def __init__(self, jerk_density: ArrayLike, resolution: ArrayLike):
         self._density = np.array(jerk_density, dtype=float)
         self._noise = np.array(resolution, dtype=float) ** 2 / 12
         if self._density.shape != self._noise.shape or self._density.ndim != 1:
             raise ValueError("jerk_density and resolution: one value a joint")
-        if not (np.all(self._density > 0) and np.all(self._noise > 0) and longest_pause > 0):
-            raise ValueError("jerk_density, resolution and longest_pause must be positive")
+        if not (np.all(self._density > 0) and np.all(self._noise > 0)):
+            raise ValueError("jerk_density and resolution must be positive")
         joints = len(self._density)
-        self._longest_pause = longest_pause
         self._last = np.full(joints, -np.inf)
         self._state = np.zeros((joints, 3))
         self.covariance = np.zeros((joints, 3, 3))
@@ -60,8 +58,8 @@ class VelocityFilter:
     def update(self, stamp: float, position: Sequence[float] | np.ndarray) -> JointMotion:
         """Estimate the motion of the joints from their newest readings.
 
-        A reading that is not newer than the last one changes nothing, unless the clock went back by
-        more than `longest_pause`, which resets the joint.
+        A reading that is not newer than the last one changes nothing. A pause longer than
+        `LONGEST_PAUSE_S`, or a clock that went back by more, resets the joint.
 
         Parameters
         ----------
@@ -93,7 +91,6 @@ class VelocityFilter:
             self.covariance,
             self._density,
             self._noise,
-            self._longest_pause,
             estimate,
         )
         return JointMotion(*estimate)
@@ -108,7 +105,6 @@ def _update(
     covariance: np.ndarray,
     density: np.ndarray,
     noise: np.ndarray,
-    longest_pause: float,
     estimate: np.ndarray,
 ) -> None:
     for j in range(len(readings)):
@@ -117,7 +113,7 @@ def _update(
             estimate[:, j] = np.nan
             continue
         dt = stamp - last[j]
-        if abs(dt) > longest_pause:
+        if abs(dt) > LONGEST_PAUSE_S:
             last[j] = stamp
             x[:] = readings[j], np.nan, np.nan
             estimate[:, j] = x

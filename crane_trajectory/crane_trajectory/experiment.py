@@ -51,7 +51,6 @@ class Standstill:
         self._newest: deque[tuple[float, np.ndarray]] = deque()
 
     def forget(self) -> None:
-        """Forget all velocities."""
         self._since = math.inf
         self._newest.clear()
 

@@ -44,15 +44,15 @@ class Move:
     """Request of the command."""
 
     machine: str | None
-    points: tuple[tuple[str, tuple[float, ...]], ...]  # `to` or `through`, and the point [m]
+    points: Sequence[tuple[str, tuple[float, ...]]]  # `to` or `through`, and the point [m]
     relative: bool
     speed: float  # m/s
     acceleration: float  # m/s2
-    pose: tuple[str, ...]  # JOINT=VALUE; empty: where the crane is
+    pose: Sequence[str]  # JOINT=VALUE; empty: where the crane is
     out: Path | None
     picture: Path | None
     replace: bool
-    moves: bool
+    run: bool
     enable: bool
 
 
@@ -93,13 +93,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         nonlocal interrupted
         check_out(*filter(None, (move.out, move.picture)), replace=move.replace)
         machine = load_machine(move.machine)
-        if move.pose and not move.moves:
+        if move.pose and not move.run:
             _planned(move, machine, posed(machine, move.pose))
             return
         with ros(argv) as stop:
             client = RunExcitationClient(stop, "move")
             path = _planned(move, machine, client.position(machine))
-            if not move.moves:
+            if not move.run:
                 return
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / "tip_path.yaml"
@@ -115,9 +115,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def posed(machine: Machine, words: Sequence[str]) -> np.ndarray:
     """(j,) the pose [rad, m]; joints that are not named are in the middle of their ranges."""
-    limits = [machine.limits[joint] for joint in machine.joint_names]
-    middle = np.array([(limit.position_min + limit.position_max) / 2.0 for limit in limits])
-    return parse_pose(words, machine, middle)
+    return parse_pose(words, machine, machine.ranges().middle)
 
 
 def _planned(move: Move, machine: Machine, start: np.ndarray) -> TipPath:
@@ -226,19 +224,7 @@ def _parser() -> argparse.ArgumentParser:
 def _request(options: argparse.Namespace) -> Move:
     if options.run and options.pose:
         raise SystemExit("move: --pose plans without a crane, --run moves it; leave one out")
-    return Move(
-        options.machine,
-        tuple(options.points),
-        options.relative,
-        options.speed,
-        options.acceleration,
-        tuple(options.pose),
-        options.out,
-        options.picture,
-        options.replace,
-        options.run,
-        options.enable,
-    )
+    return Move(**vars(options))
 
 
 if __name__ == "__main__":

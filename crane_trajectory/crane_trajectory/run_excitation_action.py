@@ -25,7 +25,7 @@ from crane_trajectory.motion.periodic import PeriodicTrajectory
 from crane_trajectory.trajectory_topics import feedback_message, points_trajectory, result_message
 
 ACTION = "run_excitation"
-FEEDBACK = 0.1  # s
+FEEDBACK_PERIOD_S = 0.1  # s
 READINESS_TIMEOUT_S = 2.0  # for what a goal needs: driver enabled, joint states, crane at rest
 LONGEST_MESSAGE = 10_000  # characters, of a result and of the log: fifty lines of two hundred
 
@@ -194,7 +194,7 @@ class Goals:
             try:
                 if why := request.canceled:
                     experiment.stop(Outcome.CANCELED, f"{why}, the crane is at rest")
-                if real - told >= FEEDBACK:
+                if real - told >= FEEDBACK_PERIOD_S:
                     told = real
                     request.feedback(experiment)
             except Exception as error:

@@ -255,7 +255,6 @@ class MeasuredJoints(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """The stamp [s]."""
         return self.stamp.sec + self.stamp.nanosec * 1e-9
 
 
@@ -453,8 +452,7 @@ class Leading:
         self._load = FedLoad(heaviest) if heaviest else None
         self.controller = None if self.law == PD_DEAD_BAND else made
         self._of = self._learnt = None
-        limits = [machine.limits[joint] for joint in self._joints]
-        middle = np.array([(limit.position_min + limit.position_max) / 2.0 for limit in limits])
+        middle = machine.ranges().middle
         rest = Point(middle, np.zeros_like(middle), np.zeros_like(middle))
         made.start(np.zeros_like(middle))
         nothing = ChamberPressures.none(len(middle))

@@ -274,8 +274,7 @@ def _tell_margins(predictive: Controller) -> None:
 
 def trial_motion(machine: Machine, trajectory: PeriodicTrajectory, clearance: Path) -> Motion:
     """One period from rest where it begins; other joints in the middle of their ranges."""
-    limits = machine.limits.values()
-    start = np.array([0.5 * (limit.position_min + limit.position_max) for limit in limits])
+    start = machine.ranges().middle
     begin = trajectory.evaluate(np.zeros(1)).position[0]
     for joint, position in zip(trajectory.joint_names, begin, strict=True):
         if joint not in machine.joint_names:

@@ -14,7 +14,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import psutil
-from integration.processes import CONTROLLER_PRIORITY, MACHINE_PRIORITY, free_port
+from integration.processes import CONTROLLER_PRIORITY, MACHINE_PRIORITY, free_port, prefer
 from integration.recording_graph import Process
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
@@ -28,7 +28,6 @@ from crane_driver.can.link import Link
 from crane_interfaces.msg import ValveCommand
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_nodes.this_computer import prefer
 
 HERE = Path(__file__).parent
 FLOOR = 10.0  # s

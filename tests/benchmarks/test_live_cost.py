@@ -17,14 +17,20 @@ import psutil
 import pytest
 from benchmarks.live_loop import ENCODERS, MARGIN, VALVES, Bus, percentiles, read, ways
 from benchmarks.speed import loop_time, scaled
-from integration.processes import CONTROLLER_PRIORITY, MACHINE_PRIORITY, PATIENCE, end, free_port
+from integration.processes import (
+    CONTROLLER_PRIORITY,
+    MACHINE_PRIORITY,
+    PATIENCE,
+    end,
+    free_port,
+    prefer,
+)
 from integration.recording_graph import Process, graph
 from known_crane import write_known_model
 
 from crane_interfaces.msg import DriverState
 from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient
-from crane_nodes.this_computer import prefer
 
 MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "20"))  # s
 MOVING = 3.0  # s after the first valve command, until the experiment is well under way

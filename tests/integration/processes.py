@@ -18,9 +18,10 @@ RUN = "import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"
 # The process gets its priority when it is imported: an import would hold up a crane that moves.
 URGENT = """
 import os, sys
-from crane_nodes.this_computer import prefer
+from contextlib import suppress
 from {module} import main
-prefer(os.getpid(), {priority})
+with suppress(PermissionError):
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param({priority}))
 sys.exit(main(sys.argv[1:]))
 """
 # Precedes a program whose simulated time soon goes on without a process that was stopped.
@@ -29,6 +30,18 @@ DRIVER = RUN.format(module="crane_driver.driver_node")
 MACHINE = RUN.format(module="crane_sim.simulated_crane")
 URGENT_MACHINE = URGENT.format(module="crane_sim.simulated_crane", priority=MACHINE_PRIORITY)
 SIMULATED_TIME = ("-p", "use_sim_time:=true")
+
+
+def prefer(process: int, priority: int) -> bool:
+    """Give another process, by its id, a priority of SCHED_FIFO; return whether that is permitted.
+
+    Threads that it starts later have it, too.
+    """
+    try:
+        os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))
+    except (PermissionError, ProcessLookupError):
+        return False
+    return True
 
 
 def free_port() -> int:

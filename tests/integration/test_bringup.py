@@ -23,6 +23,7 @@ from crane_model.configuration import load
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
+from crane_model.sensors import in_counts
 from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.plant import Plant
 from crane_trajectory.control.controller import command, load_gains
@@ -300,7 +301,7 @@ def tracked(plant_file: Path, controller: Path) -> tuple[np.ndarray, np.ndarray]
         reference[columns] += 0.05 * (1.0 - np.cos(phase))
         reference_speed[columns] = 0.05 * frequency * np.sin(phase)
         plant.advance(u, period)
-        position = chain.measure_positions(JOINTS, plant.q)
+        position = in_counts(plant.q, chain.counts(JOINTS))
         _, speed, _ = speed_filter.update(time_, position)
         if np.isfinite(speed).all():
             u = command(gains, position, speed, reference, reference_speed, machine.units)

@@ -1,7 +1,7 @@
 """Frames to values and back, at both ends of the bus: the driver, and the machine."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -144,8 +144,10 @@ class Encoder:
         message, protection = layout.message, layout.protection
         values = dict(raw)
         if protection.counter:
-            values[protection.counter] = self._counters[layout.name]
-            self._count(layout)
+            first, counter = protection.counter_first, self._counters[layout.name]
+            values[protection.counter] = counter
+            following = (counter + 1 - first) % protection.counter_count
+            self._counters[layout.name] = first + following
         if protection.crc:
             values[protection.crc] = 0
         data = self._bits[layout.name].pack(values)
@@ -154,11 +156,6 @@ class Encoder:
             position = protection.crc_byte
             data = data[:position] + bytes((crc,)) + data[position + 1 :]
         return Frame(message.frame_id, data, message.is_extended_frame)
-
-    def _count(self, layout: MessageLayout) -> None:
-        protection = layout.protection
-        step = self._counters[layout.name] + 1 - protection.counter_first
-        self._counters[layout.name] = protection.counter_first + step % protection.counter_count
 
 
 def raw_values(
@@ -410,7 +407,13 @@ class DriverCodec:
         self.conflicts = self._decoder.conflicts  # ids of two devices that both send a message
         self._valves = frozenset(layout.valves)
         self._neutral = dict.fromkeys(layout.valves, 0.0)
-        self._constants = {message.name: _whole(message.constants) for message in layout.commands}
+        self._constants = {
+            message.name: {
+                name: int(value) if value.is_integer() else value
+                for name, value in message.constants.items()
+            }
+            for message in layout.commands
+        }
 
     def decode(self, frame: Frame) -> Readings | None:
         """Read a frame.
@@ -489,9 +492,6 @@ class MachineCodec:
         self._decoder = Decoder(layout.commands)
         self._encoder = Encoder(layout.readings)
         self._layouts = {message.name: message for message in layout.readings}
-        self._states = {
-            state.name: state for message in layout.readings for state in message.states
-        }
 
     def decode(self, frame: Frame) -> Readings | None:
         """Read a valve frame; None if it is not one."""
@@ -508,7 +508,6 @@ class MachineCodec:
         positions: Mapping[str, float],
         pressures: Mapping[str, float],
         states: Mapping[str, str],
-        faulty: Collection[str] = (),
         accepted: Mapping[str, int] = {},
     ) -> Frame:
         """Encode the readings of one message; signals that nobody maps are 0.
@@ -521,8 +520,6 @@ class MachineCodec:
             Position of each joint [rad, m], and pressure of each chamber and line [Pa].
         states
             State of each device, by its name in the DBC.
-        faulty
-            Readings that are marked as such.
         accepted
             Counter of the last accepted frame of each command message.
 
@@ -540,15 +537,8 @@ class MachineCodec:
         raw: dict[str, float] = {signal.name: 0 for signal in layout.message.signals}
         raw |= raw_values("position", layout.positions, positions)
         raw |= raw_values("pressure", layout.pressures, pressures)
-        for channel in (*layout.positions, *layout.pressures):
-            if channel.fault and channel.name in faulty:
-                raw[channel.fault] = 1
         for state in layout.states:
             raw[state.signal] = state.number(states[state.name])
         for echo in layout.echoes:
             raw[echo.signal] = accepted.get(echo.command, echo.nothing)
         return self._encoder.encode(layout, raw)
-
-
-def _whole(raw: Mapping[str, float]) -> dict[str, float]:
-    return {name: int(value) if value.is_integer() else value for name, value in raw.items()}

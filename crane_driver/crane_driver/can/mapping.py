@@ -66,15 +66,6 @@ def identifiers(devices: dict[str, Device]) -> dict[int, str]:
     return taken
 
 
-def check_nodes(devices: dict[str, Device]) -> None:
-    """`ValueError` where two devices have the same node id."""
-    owners: dict[int, str] = {}
-    for name, device in devices.items():
-        if device.id in owners:
-            raise ValueError(f"{owners[device.id]} and {name} have the same node id {device.id}")
-        owners[device.id] = name
-
-
 SignalName = Annotated[str, Field(pattern=r"^\w+\.\w+$")]
 """MESSAGE.SIGNAL"""
 
@@ -229,5 +220,8 @@ class Mapping(Schema):
     @field_validator("canopen")
     @classmethod
     def _nodes(cls, value: dict[str, Device]) -> dict[str, Device]:
-        check_nodes(value)
+        owners: dict[int, str] = {}
+        for name, device in value.items():
+            if (owner := owners.setdefault(device.id, name)) != name:
+                raise ValueError(f"{owner} and {name} have the same node id {device.id}")
         return value

@@ -58,7 +58,7 @@ class PositionWatch:
         settings: SafetySettings,
     ):
         """`resolution`: one step of the encoder [rad, m]; `cycle`: of its message [s]."""
-        fastest = max(limits.velocity_max, -limits.velocity_min)
+        fastest = limits.top_speed
         self._speed, self._margin = settings.jump_speed * fastest, STILL_STEPS * resolution
         self._joint, self._cycle, self._settings = joint, cycle, settings
         self.chambers = f"{joint}.a", f"{joint}.b"  # names of its pressures

@@ -212,7 +212,6 @@ class Supervisor:
 
     @property
     def letting_through(self) -> bool:
-        """Return whether commands reach the valves."""
         return self.state in LETTING_THROUGH
 
     @property

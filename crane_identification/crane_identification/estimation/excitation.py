@@ -57,9 +57,7 @@ def redundancies(model: Model) -> tuple[Redundancy, ...]:
     rng, joints = np.random.default_rng(0), len(model.joints)
     low, high = -np.ones(joints), np.ones(joints)
     if model.machine is not None:
-        limits = [model.machine.limits[joint] for joint in model.joints]
-        low = np.array([limit.position_min for limit in limits])
-        high = np.array([limit.position_max for limit in limits])
+        low, high, *_ = model.machine.ranges(model.joints)
     position = rng.uniform(low, high, (RANDOM_STATES, joints))
     record = Record(
         model.joints,

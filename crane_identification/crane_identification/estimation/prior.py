@@ -145,7 +145,6 @@ class Prior:
 
     @property
     def wording(self) -> str:
-        """Kind of the prior, in words."""
         return "prior" if self.bodies is None else "log-det prior"
 
 

@@ -24,7 +24,7 @@ RANK_TOLERANCE = 1e-9
 CONTAINED = 1e-6  # share of a dependent column's norm above which another is part of it
 BALANCE_PASSES = 50
 SAME_WEIGHTS = 1e-3  # relative change
-LEAST_FREEDOM = 1e-3  # rows of a joint that the parameters do not take up
+LEAST_FREE_ROWS = 1e-3  # rows of a joint that the parameters do not take up
 RESIDUAL_ROUNDING = 1e-12  # share of the forces below which a residual is rounding, not noise
 LEAST_OPEN_SHARE = 0.5
 """A filtered row is used if at least this share of what the filter saw was let through."""
@@ -68,7 +68,6 @@ class Rows:
 
     @property
     def samples(self) -> int:
-        """Number N of used rows."""
         return int(self.used.sum())
 
     @classmethod
@@ -173,7 +172,7 @@ def noise_of_residual(
     instead, a joint with few gains weight until the solution passes through them.
     """
     taken = weights**2 * np.einsum("kl,jkl->j", bread, products)
-    return np.asarray(norm / np.sqrt(np.maximum(rows - taken, LEAST_FREEDOM)))
+    return np.asarray(norm / np.sqrt(np.maximum(rows - taken, LEAST_FREE_ROWS)))
 
 
 def solve_weighted(rows: Rows, weights: np.ndarray) -> BasicSolution:

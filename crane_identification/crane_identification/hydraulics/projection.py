@@ -46,7 +46,7 @@ WHITENING_ROUNDS = 3  # of the whitening
 FLOW_ROUNDING_SHARE = 1e-12  # of the flow's power: what is left of data without noise
 CORRELATED_BLOCK_S = 2.0  # s over which rows may be correlated
 INTERVAL = 0.95  # what a normal interval of a standard deviation is to cover
-LEAST_FREEDOM = 3.0  # of blocks: fewer tell no standard deviation
+LEAST_FREE_BLOCKS = 3.0  # of blocks: fewer tell no standard deviation
 SHIFTS = 16  # of the encoder, within a count
 
 
@@ -191,8 +191,8 @@ def _widening(scatter: np.ndarray) -> np.ndarray:
     """
     square = scatter**2
     fourth = np.maximum((square**2).sum(axis=0), np.finfo(float).tiny)
-    most = max(len(scatter) - 1.0, LEAST_FREEDOM)
-    freedom = (3.0 * square.sum(axis=0) ** 2 / fourth).clip(LEAST_FREEDOM, most)
+    most = max(len(scatter) - 1.0, LEAST_FREE_BLOCKS)
+    freedom = (3.0 * square.sum(axis=0) ** 2 / fourth).clip(LEAST_FREE_BLOCKS, most)
     quantile = 0.5 * (1.0 + INTERVAL)
     wider: np.ndarray = student.ppf(quantile, freedom) / normal.ppf(quantile)
     return wider

@@ -227,7 +227,6 @@ class OnlineEstimator:
 
     @property
     def samples(self) -> int:
-        """Rows that the estimate rests on."""
         return self._recursion.samples
 
     @property

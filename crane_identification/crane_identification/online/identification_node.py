@@ -273,7 +273,6 @@ class Identification(LifecycleNode):
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Listen no more."""
         self._condition.listen(self._time.now())
         if self._pacing is not None:
             self._pacing.close()

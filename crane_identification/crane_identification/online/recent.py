@@ -29,11 +29,9 @@ class Recent:
         self.found: Checked | None = None
 
     def add_position(self, stamp: int, position: np.ndarray) -> None:
-        """Encoder readings (j,)."""
         _keep(self._positions, stamp, position)
 
     def add_pressure(self, stamp: int, chamber_a: np.ndarray, chamber_b: np.ndarray) -> None:
-        """Chamber pressures (j,) [Pa gauge]."""
         _keep(self._pressures, stamp, np.concatenate([chamber_a, chamber_b]))
 
     def forget(self) -> None:
@@ -80,7 +78,6 @@ class Watched:
         self.model, self.options = estimator.model, estimator.options
 
     def add_position(self, stamp: int, position: np.ndarray) -> list[Forces]:
-        """As `OnlineEstimator.add_position`, which it goes on to."""
         self._arrives("positions", stamp)
         self._recent.add_position(stamp, position)
         return self._estimator.add_position(stamp, position)
@@ -88,7 +85,6 @@ class Watched:
     def add_pressure(
         self, stamp: int, chamber_a: np.ndarray, chamber_b: np.ndarray
     ) -> list[Forces]:
-        """As `OnlineEstimator.add_pressure`, which it goes on to."""
         self._arrives("pressures", stamp)
         self._recent.add_pressure(stamp, chamber_a, chamber_b)
         return self._estimator.add_pressure(stamp, chamber_a, chamber_b)

@@ -127,7 +127,6 @@ class Recursion:
 
     @property
     def samples(self) -> int:
-        """Number of rows that were used."""
         return int(self.rows.sum())
 
     @property

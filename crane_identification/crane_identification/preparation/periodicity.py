@@ -93,7 +93,6 @@ class Repetition:
 
     @property
     def samples(self) -> int:
-        """Number of samples."""
         return len(self.signal)
 
     @cached_property

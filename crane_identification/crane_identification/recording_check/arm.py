@@ -5,18 +5,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
 from scipy.ndimage import binary_erosion
 from scipy.optimize import lsq_linear
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import resample
 from crane_identification.notation import spoken
-from crane_identification.recording_check.forces import (
-    FORCE_FILTER_ORDER,
-    FORCE_FILTER_PADDING,
-    TINY,
-)
+from crane_identification.recording_check.forces import TINY, LongestRun
 from crane_identification.recording_check.suspicion import (
     ARM_BANDWIDTH,
     BETTER,
@@ -28,7 +23,6 @@ from crane_identification.recording_check.suspicion import (
     ROWS,
     SLOW,
     UNEXPLAINED,
-    WORKING_RATE,
     Suspicion,
 )
 from crane_model.cylinders import generalized_forces
@@ -54,21 +48,8 @@ class ArmMotion:
     def of(cls, log: Log, machine: Machine | None) -> "ArmMotion":
         """The longest run without a gap; `DataError` if it is too short or nothing moves."""
         samples = resample(log)
-        rows = np.flatnonzero(samples.run == np.bincount(samples.run).argmax())
-        if len(rows) <= FORCE_FILTER_PADDING or samples.rate <= 2.0 * ARM_BANDWIDTH:
-            raise DataError(f"{len(rows)} samples at {samples.rate:.3g} Hz are too few")
-        sections = signal.butter(FORCE_FILTER_ORDER, ARM_BANDWIDTH, fs=samples.rate, output="sos")
-        every = max(1, int(samples.rate / WORKING_RATE))
-        step = every / samples.rate
-
-        def smooth(values: np.ndarray) -> np.ndarray:
-            return np.asarray(
-                signal.sosfiltfilt(sections, values[rows], axis=0, padlen=FORCE_FILTER_PADDING)[
-                    ::every
-                ]
-            )
-
-        position = smooth(samples.position)
+        run = LongestRun(samples, ARM_BANDWIDTH)
+        step, position = run.step, run.smooth(samples.position)
         velocity = np.gradient(position, step, axis=0)
         force = samples.force
         if force is None:
@@ -85,12 +66,12 @@ class ArmMotion:
             raise DataError(f"{LEAST_MOTION:g} s of motion needed, got {moving.sum() * step:.1f} s")
         record = Record(
             joints=log.joints,
-            time=samples.time[rows][::every],
+            time=run.time,
             position=position,
             velocity=velocity,
             acceleration=np.gradient(velocity, step, axis=0),
         )
-        return cls(record, smooth(force), moving)
+        return cls(record, run.smooth(force), moving)
 
 
 def signs(moved: ArmMotion) -> Iterator[Suspicion]:

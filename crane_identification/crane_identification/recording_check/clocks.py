@@ -127,7 +127,8 @@ def _lag(signal: Signal) -> Lag | None:
 
 def missing(log: Log) -> Iterator[Suspicion]:
     """Samples that are not there: too few, gaps, and signals without a common time."""
-    signals = {signal.origin: signal for signal in _needed(log)}
+    needed = (log.position, log.force, log.pressure_a, log.pressure_b)
+    signals = {signal.origin: signal for signal in needed if signal}
     for origin, signal in signals.items():
         complete = np.isfinite(signal.value).all(axis=1)
         if (count := int(complete.sum())) < SHORTEST_RUN:
@@ -154,12 +155,6 @@ def missing(log: Log) -> Iterator[Suspicion]:
             else "positions and forces were never recorded together",
             decisive=bool(end <= begin),
         )
-
-
-def _needed(log: Log) -> list[Signal]:
-    return [
-        signal for signal in (log.position, log.force, log.pressure_a, log.pressure_b) if signal
-    ]
 
 
 def _gaps(signal: Signal) -> Iterator[Suspicion]:

@@ -12,7 +12,7 @@ from scipy.ndimage import binary_erosion
 from scipy.optimize import lsq_linear, minimize
 
 from crane_identification.data.log import Log
-from crane_identification.data.resample import resample
+from crane_identification.data.resample import Samples, resample
 from crane_identification.notation import spoken
 from crane_identification.recording_check.suspicion import (
     AGREEING,
@@ -76,11 +76,9 @@ class Grid:
     @cached_property
     def moving(self) -> np.ndarray:
         """(n, j) where friction has one sign, and has settled."""
-        limits = [self.machine.limits[joint] for joint in self.joints]
-        slowest = MOVING * np.array(
-            [min(limit.velocity_max, -limit.velocity_min) for limit in limits]
+        moves = (
+            np.abs(self.record.velocity) > MOVING * self.machine.ranges(self.joints).slower_speed
         )
-        moves = np.abs(self.record.velocity) > slowest
         around = max(1, round(FORCE_SETTLING_S / self.step))
         return np.stack([binary_erosion(column, iterations=around) for column in moves.T], axis=1)
 
@@ -104,60 +102,70 @@ class Grid:
         return pistons if self.force is not None else self.arms * pistons
 
 
+class LongestRun:
+    """The longest run of `samples` without a gap, behind a low-pass of `bandwidth` [Hz]."""
+
+    def __init__(self, samples: Samples, bandwidth: float):
+        """`DataError` if it is too short, or sampled too slowly."""
+        rows = np.flatnonzero(samples.run == np.bincount(samples.run).argmax())
+        if len(rows) <= FORCE_FILTER_PADDING or samples.rate <= 2.0 * bandwidth:
+            raise DataError(f"{len(rows)} samples at {samples.rate:.3g} Hz are too few")
+        self._every = max(1, int(samples.rate / WORKING_RATE))
+        self._sections = signal.butter(FORCE_FILTER_ORDER, bandwidth, fs=samples.rate, output="sos")
+        self.rows, self.step = rows, self._every / samples.rate
+        self.time = samples.time[rows][:: self._every]
+
+    def smooth(self, values: np.ndarray) -> np.ndarray:
+        """(n, ...) at `time`, from values (N, ...) of all samples."""
+        kept = values[self.rows]
+        smoothed = signal.sosfiltfilt(self._sections, kept, axis=0, padlen=FORCE_FILTER_PADDING)
+        return np.asarray(smoothed[:: self._every])
+
+
 def grid(machine: Machine, log: Log, joints: tuple[str, ...]) -> Grid:
     """The joints `joints` of a log; `DataError` if they hardly move, or are not logged together."""
     samples = resample(log)
-    run = np.bincount(samples.run).argmax()
-    every = max(1, int(samples.rate / WORKING_RATE))
-    step = every / samples.rate
-    rows = np.flatnonzero(samples.run == run)
-    columns = np.array([log.joints.index(joint) for joint in joints])
-    if len(rows) <= FORCE_FILTER_PADDING or samples.rate <= 2.0 * BANDWIDTH:
-        raise DataError(f"{len(rows)} samples at {samples.rate:.3g} Hz are too few")
-    sections = signal.butter(FORCE_FILTER_ORDER, BANDWIDTH, fs=samples.rate, output="sos")
+    run = LongestRun(samples, BANDWIDTH)
+    columns = [log.joints.index(joint) for joint in joints]
 
     def smooth(values: np.ndarray | None) -> np.ndarray | None:
-        if values is None or not np.isfinite(values[rows]).all():
+        if values is None or not np.isfinite(values[run.rows]).all():
             return None
-        kept = values[rows] if values.ndim == 1 else values[np.ix_(rows, columns)]
-        return signal.sosfiltfilt(sections, kept, axis=0, padlen=FORCE_FILTER_PADDING)[::every]
+        return run.smooth(values if values.ndim == 1 else values[:, columns])
 
     def constant(values: np.ndarray | None, stated: float) -> np.ndarray:
         found = smooth(values)
-        return np.full(len(time), stated) if found is None else found
+        return np.full(len(run.time), stated) if found is None else found
 
-    time = samples.time[rows][::every]
+    command = samples.command
+    if command is not None and not np.isnan(command).all():
+        command = np.nan_to_num(command)  # closed where none was logged yet
     position = smooth(samples.position)
     assert position is not None  # resample leaves no NaN
-    velocity = np.gradient(position, step, axis=0)
+    velocity = np.gradient(position, run.step, axis=0)
     hydraulics = machine.hydraulics
     whole = Grid(
         machine,
         Record(
             joints=joints,
-            time=time,
+            time=run.time,
             position=position,
             velocity=velocity,
-            acceleration=np.gradient(velocity, step, axis=0),
+            acceleration=np.gradient(velocity, run.step, axis=0),
             pressure_a=smooth(samples.pressure_a),
             pressure_b=smooth(samples.pressure_b),
-            command=smooth(_closed_before(samples.command)),
+            command=smooth(command),
             supply_pressure=constant(samples.supply_pressure, hydraulics.supply_pressure),
             tank_pressure=constant(samples.tank_pressure, hydraulics.tank_pressure),
         ),
         smooth(samples.force),
-        step,
+        run.step,
     )
-    seconds = dict(zip(joints, whole.moving.sum(axis=0) * step, strict=True))
+    seconds = dict(zip(joints, whole.moving.sum(axis=0) * run.step, strict=True))
     lazy = [f"{joint} {time:.1f} s" for joint, time in seconds.items() if time < LEAST_MOTION]
     if lazy:
         raise DataError(f"{LEAST_MOTION:g} s of motion needed, got of {', '.join(lazy)}")
     return whole
-
-
-def _closed_before(command: np.ndarray | None) -> np.ndarray | None:
-    """(n, j) with valves closed where no command was logged yet, if any was."""
-    return None if command is None or np.isnan(command).all() else np.nan_to_num(command)
 
 
 # How much of the measured force a crane with plausible masses and friction can explain.

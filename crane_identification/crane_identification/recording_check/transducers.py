@@ -79,11 +79,9 @@ def _cylinder(
         cause = f"they look like {unit}" if unit else "the pump was off, or the unit is wrong"
         yield Suspicion(where, evidence, cause, decisive=True)
     else:
-        often = float(
-            np.percentile(
-                np.maximum(*_paired(chamber_a, chamber_b)), 100 * (1 - LEAST_OVERPRESSURE_SHARE)
-            )
-        )
+        count = min(len(chamber_a), len(chamber_b))
+        higher = np.maximum(chamber_a[:count], chamber_b[:count])
+        often = float(np.percentile(higher, 100 * (1 - LEAST_OVERPRESSURE_SHARE)))
         if often > FULL[1] * relief:
             yield Suspicion(
                 where,
@@ -93,11 +91,6 @@ def _cylinder(
                 "valve of the machine file",
                 decisive=True,
             )
-
-
-def _paired(chamber_a: np.ndarray, chamber_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    count = min(len(chamber_a), len(chamber_b))
-    return chamber_a[:count], chamber_b[:count]
 
 
 def _unit(highest: float, supply: float) -> str:

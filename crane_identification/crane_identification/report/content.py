@@ -32,6 +32,7 @@ from crane_identification.validation.motion_validation import (
 from crane_model.cylinders import generalized_forces
 from crane_model.model_file import Model
 
+LARGEST_CONDITION = 1e12  # in SI units, that the arithmetic can tell
 PACKAGES = (
     "crane_identification",
     "crane_model",
@@ -156,10 +157,11 @@ def scatter(validation: Validation) -> np.ndarray | None:
 
     From the scatter between periods through the same filter; None if there was only one.
     """
-    preparation, factor = validation.preparation, _factor(validation)
+    preparation, time = validation.preparation, validation.time
     count = len(preparation.periods)
     if count < 2:
         return None
+    factor = round(float(time[1] - time[0]) / preparation.step)
     periods = [decimate(period, factor, preparation.periodic) for period in preparation.periods]
     return np.std(periods, axis=0, ddof=1) / np.sqrt(count)
 
@@ -170,11 +172,6 @@ def left_out(preparation: Preparation, joint: int) -> list[tuple[float, float]]:
     still = ~preparation.moving[:, joint]
     edges = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2)
     return [(float(time[a]), float(time[b - 1] + step)) for a, b in edges]
-
-
-def _factor(validation: Validation) -> int:
-    """By how much the forces of a validation are decimated."""
-    return round(float(validation.time[1] - validation.time[0]) / validation.preparation.step)
 
 
 @dataclass(frozen=True)
@@ -267,12 +264,10 @@ class IdentificationReport:
 
     @property
     def training_bags(self) -> list[str]:
-        """Sources of the fit, each once."""
         return list(dict.fromkeys(log.source for log in self.training))
 
     @property
     def validation_bags(self) -> list[str]:
-        """Sources of the validation, each once."""
         return list(dict.fromkeys(v.source for v in self.validations))
 
 
@@ -303,17 +298,12 @@ def _rows(use: str, compared: Sequence[Validation]) -> Iterator[SourceRow]:
     for compared_part in compared:
         averaging, record = compared_part.preparation.averaging, compared_part.preparation.record
         length = float(record.time[-1] - record.time[0]) + compared_part.preparation.step
+        condition, _ = condition_numbers(compared_part.rows.stacked)
         yield SourceRow(
             source=compared_part.source,
             use=use,
             period=plain(averaging.period if averaging else length),
             periods=str(averaging.used) if averaging else NONE,
-            condition=_condition(compared_part.rows.stacked),
+            condition=plain(condition if condition < LARGEST_CONDITION else np.inf),
             errors=[percent(float(error)) for error in compared_part.relative_error],
         )
-
-
-def _condition(stacked: np.ndarray) -> str:
-    """In SI units; beyond what the arithmetic can tell, infinite."""
-    raw, _ = condition_numbers(stacked)
-    return plain(raw if raw < 1e12 else np.inf)

@@ -139,7 +139,6 @@ def commanded_figures(model: Model, course: CommandedCourse, key: str) -> list[F
 def _compared(
     time: np.ndarray, measured: np.ndarray, predicted: np.ndarray
 ) -> tuple[list[Curve], list[Curve]]:
-    """Curves of both, and of their difference."""
     curves = [
         Curve("measured", MEASURED, time, measured, 1.8),
         Curve("model", MODEL, time, predicted, 1.2),

@@ -250,7 +250,6 @@ def _shading(intervals: Sequence[tuple[float, float]], domain: Sequence[float]) 
 
 
 def _dashed(limit: float, axis: str) -> dict[str, Any]:
-    """A level line over the whole width."""
     return {
         "type": "line",
         "xref": "paper",

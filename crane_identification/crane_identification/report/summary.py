@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -160,12 +161,8 @@ def summarize(report: IdentificationReport) -> Summary:
         method=estimate.method,
         bounds=list(estimate.bounds),
         parameters=_parameters(estimate.names, estimate.units, estimate.values, estimate.std_devs),
-        heldout_relative_error=per_joint(held_out.relative) if held_out else {},
         heldout_relative_error_moving=per_joint(held_out.moving) if held_out else {},
-        heldout_relative_error_without_gravity=per_joint(held_out.without_gravity)
-        if held_out
-        else {},
-        noise_floor=per_joint(held_out.noise_floor) if held_out else {},
+        **_held_out(estimate.joints, held_out),
         training_relative_error=per_joint(report.trained.relative),
         friction_share=per_joint(report.friction_share),
         lack_of_fit=LackOfFitSummary(
@@ -226,21 +223,26 @@ def write_summed(path: Path | str, fit: SummedFit, held_out: JointErrors | None)
     """Write what a fit by sums found, and its errors on validation recordings, as JSON."""
     information, model = fit.information, fit.model
     assert model.std_devs is not None  # of a fitted model
-
-    def per_joint(values: np.ndarray) -> dict[str, float | None]:
-        return dict(zip(model.joints, values, strict=True))
-
     ClusterSummary(
         model=model.name,
         method=model.provenance,
         parameters=_parameters(information.names, information.units, model.theta, model.std_devs),
-        heldout_relative_error=per_joint(held_out.relative) if held_out else {},
-        heldout_relative_error_without_gravity=per_joint(held_out.without_gravity)
-        if held_out
-        else {},
-        noise_floor=per_joint(held_out.noise_floor) if held_out else {},
+        **_held_out(model.joints, held_out),
         samples=int(information.rows.sum()),
     ).write(path)
+
+
+def _held_out(joints: Sequence[str], errors: JointErrors | None) -> dict[str, Any]:
+    """Errors by field of a summary; empty without validation."""
+    fields = {
+        "heldout_relative_error": "relative",
+        "heldout_relative_error_without_gravity": "without_gravity",
+        "noise_floor": "noise_floor",
+    }
+    return {
+        field: dict(zip(joints, getattr(errors, name), strict=True)) if errors else {}
+        for field, name in fields.items()
+    }
 
 
 def _parameters(

@@ -1,6 +1,6 @@
 """Least squares by sums of information matrices, recording by recording."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
-from numba import njit
 from numpy.linalg import LinAlgError
 from scipy.linalg import cholesky
 
@@ -35,9 +34,7 @@ from crane_identification.recording_check.check import vetted
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
-from crane_model.record import Record
 
-BLOCK_SAMPLES = 2000  # whose regressor is filled at a time: it stays in the processor's cache
 DEPENDENT_COLUMN_SHARE = 1e-6  # of a column, within which the others may make it up
 RESOLVED = 1e-14  # of a column's square, what rounding may have taken from it
 
@@ -62,33 +59,6 @@ class Information:
         values[~rows.used] = 0.0
         matrix = np.stack([values[:, j].T @ values[:, j] for j in range(len(rows.joints))])
         return cls(rows.joints, rows.names, rows.units, matrix, rows.used.sum(axis=0))
-
-    @classmethod
-    def of_records(cls, model: Model, records: Iterable[Record]) -> Self:
-        """That of all samples of `records`, as `model` sees them; memory does not grow with them.
-
-        Raises `DataError` if a record has no force.
-        """
-        parameters = len(model.parameters)
-        joints = len(model.joints)
-        matrix = np.zeros((joints, parameters + 1, parameters + 1))
-        # The samples of a column lie together.
-        block = np.zeros((joints, parameters + 1, BLOCK_SAMPLES))
-        count = 0
-        for record in records:
-            if record.force is None:
-                raise DataError("information: a record has no measured force; give one that has")
-            for start in range(0, len(record), BLOCK_SAMPLES):
-                part = record.take(slice(start, start + BLOCK_SAMPLES))
-                filled = block[:, :, : len(part)]
-                filled[:] = 0.0
-                model.fill(part, filled[:, :-1].transpose(2, 0, 1))
-                filled[:, -1] = part.force.T  # type: ignore[union-attr]
-                _accumulate(filled, matrix)
-            count += len(record)
-        names = tuple(parameter.name for parameter in model.parameters)
-        units = tuple(parameter.unit for parameter in model.parameters)
-        return cls(model.joints, names, units, matrix, np.full(joints, count))
 
     def __add__(self, other: Self) -> Self:
         if (self.joints, self.names, self.units) != (other.joints, other.names, other.units):
@@ -123,31 +93,6 @@ class Information:
         scale = np.sqrt(np.maximum(np.diag(total), np.finfo(float).tiny))
         triangle = _root(total / np.outer(scale, scale)) * scale
         return solve(triangle[:-1, :-1], triangle[:-1, -1], DEPENDENT_COLUMN_SHARE)
-
-
-@njit(cache=True, fastmath={"reassoc", "contract"})  # sums may be vectorised; NaN stays NaN
-def _accumulate(columns: np.ndarray, total: np.ndarray) -> None:
-    """Add the products of `columns` (j, k, n) to `total` (j, k, k).
-
-    Only of columns that are not zero on their joint: friction of the others is, which is most.
-    """
-    joints, width, samples = columns.shape
-    seen = np.empty(width, dtype=np.int64)
-    for j in range(joints):
-        count = 0
-        for k in range(width):
-            if np.any(columns[j, k] != 0.0):
-                seen[count] = k
-                count += 1
-        for first in range(count):
-            for second in range(first + 1):
-                a, b = seen[first], seen[second]
-                product = 0.0
-                for i in range(samples):
-                    product += columns[j, a, i] * columns[j, b, i]
-                total[j, a, b] += product
-                if a != b:
-                    total[j, b, a] += product
 
 
 def _root(matrix: np.ndarray) -> np.ndarray:

@@ -32,7 +32,6 @@ class SmoothedMotion:
     velocity_noise: np.ndarray
 
     def during(self, kept: slice) -> Self:
-        """The motion at the samples `kept`."""
         return replace(
             self,
             position=self.position[kept],

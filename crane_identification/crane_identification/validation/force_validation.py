@@ -54,12 +54,6 @@ class Validation:
         Forces, and the model's gravity part [N m or N].
     relative_error : ndarray, shape (j,)
         ‖τ - τ̂‖/‖τ‖ over all samples.
-    relative_error_without_gravity : ndarray, shape (j,)
-        The same relative to τ without its gravity part.
-    relative_error_moving : ndarray, shape (j,)
-        The same over the samples at which the sign of the joint's velocity is known.
-    moving : ndarray, shape (j,)
-        Share of these samples.
     noise_floor : ndarray, shape (j,)
         Rms noise of the averaged force [N m or N]; NaN without two periods.
     """
@@ -72,20 +66,12 @@ class Validation:
     predicted: np.ndarray
     gravity: np.ndarray
     relative_error: np.ndarray
-    relative_error_without_gravity: np.ndarray
-    relative_error_moving: np.ndarray
-    moving: np.ndarray
     noise_floor: np.ndarray
 
     @property
     def source(self) -> str:
         """Name of the recording."""
         return self.preparation.source
-
-    @property
-    def relative_noise_floor(self) -> np.ndarray:
-        """Noise floor over the rms of τ (j,): the scatter of the averaged force."""
-        return self.noise_floor / np.sqrt((self.measured**2).mean(axis=0))
 
 
 def compare(model: Model, preparation: Preparation, factor: int) -> Validation:
@@ -111,16 +97,10 @@ def compare(model: Model, preparation: Preparation, factor: int) -> Validation:
         measured=measured,
         predicted=predicted,
         gravity=gravity,
-        relative_error=_ratio(measured - predicted, measured),
-        relative_error_without_gravity=_ratio(measured - predicted, measured - gravity),
-        relative_error_moving=rows.norms(rows.residual(model.theta)) / rows.norms(rows.force),
-        moving=preparation.moving.mean(axis=0),
+        relative_error=np.linalg.norm(measured - predicted, axis=0)
+        / np.linalg.norm(measured, axis=0),
         noise_floor=noise_floor(preparation, factor),
     )
-
-
-def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(part, axis=0) / np.linalg.norm(whole, axis=0)
 
 
 def elsewhere(

@@ -62,9 +62,7 @@ class MotionValidation:
             return self.position_rms / self.displacement_rms
 
 
-def validate_motion(
-    model: Model, records: Sequence[Record], horizon: float = HORIZON
-) -> MotionValidation:
+def validate_motion(model: Model, records: Sequence[Record]) -> MotionValidation:
     """Simulate `model` over consecutive windows of uniformly sampled `records`.
 
     Windows do not cross from one run to the next. A model that does not move, as one without
@@ -73,21 +71,21 @@ def validate_motion(
     """
     try:
         with np.errstate(over="ignore", invalid="ignore"):
-            found = _simulated(model, records, horizon)
+            found = _simulated(model, records)
         if np.isfinite(found.position_rms).all():
             return found
         reason = f"simulation of '{model.name}': the motion grows beyond all bounds"
     except (RangeError, DataError) as error:
         reason = str(error)
     unknown = np.full(len(model.joints), np.nan)
-    return MotionValidation(model.joints, horizon, 0, unknown, unknown, reason)
+    return MotionValidation(model.joints, HORIZON, 0, unknown, unknown, reason)
 
 
-def _simulated(model: Model, records: Sequence[Record], horizon: float) -> MotionValidation:
-    errors, moved, length = [], [], horizon
+def _simulated(model: Model, records: Sequence[Record]) -> MotionValidation:
+    errors, moved, length = [], [], HORIZON
     for record in records:
         period = float(np.median(np.diff(record.time)))
-        samples = max(round(horizon / period), 1)
+        samples = max(round(HORIZON / period), 1)
         starts = _window_starts(record, samples)
         if len(starts) == 0:
             continue
@@ -106,7 +104,7 @@ def _simulated(model: Model, records: Sequence[Record], horizon: float) -> Motio
         length = samples * period
     if not errors:
         raise DataError(
-            f"simulated motion: no window of {horizon} s fits into a run of the recordings; "
+            f"simulated motion: no window of {HORIZON} s fits into a run of the recordings; "
             "record longer ones"
         )
     error, displacement = np.concatenate(errors), np.concatenate(moved)

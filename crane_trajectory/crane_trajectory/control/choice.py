@@ -111,13 +111,11 @@ class Learning(WrappedController):
         self._share = 0.0
 
     def start(self, command: np.ndarray) -> None:
-        """As the controller; what was learnt stays."""
         self._phase, self._share = np.nan, 0.0
         self._errors[:] = np.nan
         super().start(command)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
-        """As the controller, with what was learnt."""
         phase = wanted.phase
         periodic = bool(np.isfinite(phase))
         if periodic and phase < self._phase:
@@ -182,7 +180,6 @@ class SideBySide:
         self._rest.start(self._last)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
-        """As `Controller` has it."""
         u = self._rest.command(dt, reading, wanted).copy()
         u[self.led.columns] = self.led.command(dt, reading, wanted)
         if self._last is not None and any(condition.stops for condition in self.conditions):

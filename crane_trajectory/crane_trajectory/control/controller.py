@@ -168,12 +168,10 @@ class WrappedController:
 
     @property
     def preview(self) -> float:
-        """As the inner one has it [s]."""
         return self.inner.preview
 
     @property
     def by_model(self) -> np.ndarray:
-        """As the inner one has it (j,)."""
         return self.inner.by_model
 
     @property
@@ -184,7 +182,6 @@ class WrappedController:
         self.inner.start(command)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
-        """As the inner one (j,)."""
         return self.inner.command(dt, reading, wanted)
 
 
@@ -352,11 +349,9 @@ class Blend:
         self._share = 1.0
 
     def to(self, tuning: Tuning) -> None:
-        """Go to `tuning` from what holds now."""
         self._old, self._new, self._share = self.now, tuning, 0.0
 
     def advance(self, dt: float) -> Tuning:
-        """State `dt` [s] later."""
         self._share = min(1.0, self._share + dt / BLEND)
         return self.now
 
@@ -394,7 +389,6 @@ class PdDeadBand:
         self._codes[:] = AT_REST
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
-        """As `Controller` has it."""
         if self._begun or np.isfinite(reading.velocity).all():  # else the filter has only begun
             now = wanted.now
             inputs = np.array([reading.position, reading.velocity, now.position, now.velocity])

@@ -48,8 +48,8 @@ from crane_trajectory.control.valves_and_oil import (
 )
 
 SHORTEST_LAG = 0.02  # s: gains follow from the lag, but none is faster than this makes it
-FEEDBACK = 0.7  # kv times the lag
-OBSERVER = 0.8  # frequency of the observer times the lag
+KV_TIMES_LAG = 0.7  # kv times the lag
+OBSERVER_TIMES_LAG = 0.8  # frequency of the observer times the lag
 LARGEST_KV = 4.5  # 1/s
 LEAST_MARGINS = (2.0, 40.0, 0.35)  # gain; phase [degree]; delay, as a share of the lag
 WEAKER = 0.9  # by which gains that lack a margin are lowered
@@ -111,7 +111,7 @@ def margins(gains: PredictorGains, lag: float) -> LoopMargins:
 def predictor_gains(lag: float) -> PredictorGains:
     """The quickest gains with `LEAST_MARGINS` for a lag [s]."""
     lag = max(lag, SHORTEST_LAG)
-    kv, frequency = min(FEEDBACK / lag, LARGEST_KV), OBSERVER / lag
+    kv, frequency = min(KV_TIMES_LAG / lag, LARGEST_KV), OBSERVER_TIMES_LAG / lag
     while True:
         gains = PredictorGains(kv, 2.0 * frequency, frequency**2)
         if margins(gains, lag).suffice(lag):
@@ -147,9 +147,7 @@ class PredictiveFlow:
         sensing = machine.hydraulics.load_sensing
         self._drop = sensing.margin if sensing else None
         self._load, self._tables = ReferenceLoad(model, machine), tables(machine)
-        limits = [machine.limits[joint] for joint in joints]
-        fastest = np.array([max(each.velocity_max, -each.velocity_min) for each in limits])
-        self._most = LARGEST_DISTURBANCE * fastest
+        self._most = LARGEST_DISTURBANCE * machine.ranges(joints).top_speed
         self._tolerance = np.array([REST_TOLERANCE[machine.units[joint]] for joint in joints])
         self._codes = np.full(len(joints), NOT_INITIALISED)
         self._reset(np.zeros(len(joints)))
@@ -193,7 +191,6 @@ class PredictiveFlow:
         return conditions(self._codes)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
-        """Return the valve commands (j,), see `Controller`."""
         dt = min(max(dt, 0.0), LONGEST_CYCLE)
         now, ahead = wanted.now, wanted.ahead
         known = np.isfinite(reading.position + now.position + ahead.position + ahead.velocity)

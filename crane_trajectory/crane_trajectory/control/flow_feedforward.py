@@ -328,9 +328,8 @@ def feedback_gains(
     Joints that the model does not have, and whose load is unknown, get less.
     """
     joints = joints or machine.joint_names
-    limits = [machine.limits[joint] for joint in joints]
     units = [machine.units[joint] for joint in joints]
-    scales = scale * np.ones(len(limits))
+    scales = scale * np.ones(len(units))
     known = np.array([joint in model.joints for joint in joints])
     return FeedbackGains(
         kv=np.where(known, [KV[unit] for unit in units], 3.0) * scales,
@@ -338,7 +337,7 @@ def feedback_gains(
         kp=8.0 * scales,
         kp_alone=np.where(known, 0.0, 6.0) * scales,
         tolerance=np.array([TOLERANCES[unit] for unit in units]),
-        largest_speed=np.array([max(limit.velocity_max, -limit.velocity_min) for limit in limits]),
+        largest_speed=machine.ranges(joints).top_speed,
     )
 
 

@@ -204,7 +204,7 @@ def identified(machine: Machine, values: HydraulicValues, joints: Sequence[str])
     rows = []
     for joint in joints:
         known, actuator, limits = known_of[joint], machine.cylinders[joint], machine.limits[joint]
-        middle = np.array([(limits.position_min + limits.position_max) / 2.0])
+        middle = np.array([limits.middle])
         chambers = actuator.chambers
         stroke = chambers.empty_b - chambers.empty_a or MOTOR_TURN
         row = {

@@ -49,8 +49,7 @@ class Margins(Schema):
 
     def positions(self, machine: Machine, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest positions (j,) that they leave of Table 2."""
-        limits = [machine.limits[joint] for joint in joints]
-        lowest, highest = np.array([(row.position_min, row.position_max) for row in limits]).T
+        lowest, highest, *_ = machine.ranges(joints)
         free = self.position * (highest - lowest)
         return lowest + free, highest - free
 

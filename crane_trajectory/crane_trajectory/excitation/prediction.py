@@ -114,7 +114,6 @@ class PlannedRecording:
 
     @property
     def duration(self) -> float:
-        """Duration of the periods [s]."""
         return self.periods * self.trajectory.period
 
     def record(self, model: Model, row_rate: float, run: int) -> Record:

@@ -101,7 +101,7 @@ class ExcitationProblem:
 
     def smooth(self, point: np.ndarray, stage: SearchStage) -> tuple[float, np.ndarray]:
         """The criterion as smoothed in a stage, and its gradient (v,)."""
-        width = stage.reversal_share * self._top_speed
+        width = stage.reversal_share * self.machine.ranges(self.model.joints).top_speed
         record = smooth_record(self.model, self._motion(point), width)
         regressor = smooth_regressor(self.model, record)
         value, slope = self.criterion.evaluate(self.criterion.gram(regressor), stage.power)
@@ -192,11 +192,6 @@ class ExcitationProblem:
     @cached_property
     def _basis(self) -> MotionSamples:
         return self._over_a_period(self.search.samples)
-
-    @cached_property
-    def _top_speed(self) -> np.ndarray:
-        rows = [self.machine.limits[joint] for joint in self.model.joints]
-        return np.array([max(row.velocity_max, -row.velocity_min) for row in rows])
 
     def _over_a_period(self, points: int) -> MotionSamples:
         time = np.arange(points) * self.period / points

@@ -88,8 +88,7 @@ def design_sweeps(
         positions.append(positions[-1])
 
     for column, joint in enumerate(joints):
-        limit = machine.limits[joint]
-        top = min(limit.velocity_max, -limit.velocity_min) * (1.0 - margins.velocity)
+        top = machine.limits[joint].slower_speed * (1.0 - margins.velocity)
         middle = top * float(np.median(shares))
         go(column, ends[column][0], middle)
         for share in shares:
@@ -264,8 +263,7 @@ class CourseDraws:
 
     def _time(self, displacement: np.ndarray, share: float) -> float:
         """Duration of a leg at a share of the smaller limit of the velocity [s]."""
-        limits = [self.machine.limits[joint] for joint in self.joints]
-        fastest = np.array([min(limit.velocity_max, -limit.velocity_min) for limit in limits])
+        fastest = self.machine.ranges(self.joints).slower_speed
         needed = np.abs(displacement) / (fastest * (1.0 - self.margins.velocity) * share)
         return max(float(needed.max()), 2.0 * CORNER)
 

@@ -85,8 +85,7 @@ class TipClearance:
         self.joints = machine.joint_names[1:] if slewing else machine.joint_names
         """Those that move the tip with respect to the pillar."""
         self._foot = (placed if slewing else frame)[:3, 3]
-        ranges = [machine.limits[joint] for joint in self.joints]
-        middle = np.array([[(limits.position_min + limits.position_max) / 2 for limits in ranges]])
+        middle = machine.ranges(self.joints).middle[np.newaxis]
         ahead = tip_position(machine, self._all_joints(self.joints, middle))[0] - self._foot
         ahead -= (ahead @ up) * up
         if np.linalg.norm(ahead) < SMALL:  # upright: ahead is where the base's frame says

@@ -470,7 +470,6 @@ class ReferenceClock:
         return clock
 
     def target(self, motion: Motion) -> Target:
-        """The reference of `motion` now."""
         point, phase = motion.at(self.time), motion.phase(self.time)
         if self.braking:
             _, lost_rate, change = self._run_down()

@@ -258,9 +258,7 @@ def _at_ends(machine: Machine, pose: np.ndarray) -> str:
 
 def _limits(machine: Machine) -> tuple[np.ndarray, np.ndarray]:
     """(j,), (j,): lowest and highest positions of poses [rad, m]."""
-    limits = [machine.limits[joint] for joint in machine.joint_names]
-    low = np.array([limit.position_min for limit in limits])
-    high = np.array([limit.position_max for limit in limits])
+    low, high, *_ = machine.ranges()
     return low + MARGIN * (high - low), high - MARGIN * (high - low)
 
 
@@ -270,8 +268,7 @@ def _cost(machine: Machine, pose: np.ndarray) -> np.ndarray:
     The flow, as a share of the pump's, or for a joint without cylinder the time at full speed.
     """
     low, high = _limits(machine)
-    limits = [machine.limits[joint] for joint in machine.joint_names]
-    cost = (high - low) / [max(limit.velocity_max, -limit.velocity_min) for limit in limits]
+    cost = (high - low) / machine.ranges().top_speed
     if machine.supply:
         for i, joint in enumerate(machine.joint_names):
             if joint in machine.cylinders:

@@ -33,8 +33,6 @@ from crane_model.lazily import lazily
 if TYPE_CHECKING:
     from crane_model.cylinders import generalized_forces as generalized_forces
     from crane_model.cylinders import lever_arms as lever_arms
-    from crane_model.dynamics import Geometry as Geometry
-    from crane_model.dynamics import inverse_dynamics as inverse_dynamics
     from crane_model.errors import ConfigurationError as ConfigurationError
     from crane_model.errors import CraneError as CraneError
     from crane_model.errors import DataError as DataError

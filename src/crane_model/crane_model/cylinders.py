@@ -50,11 +50,6 @@ def lever_arm(machine: Machine, joint: str, q: Array) -> Array:
     return cylinder_geometry(machine, joint, q)[1]
 
 
-def lever_arm_derivative(machine: Machine, joint: str, q: Array) -> Array:
-    """d2x/dq2 [m/rad2, or 0]; same shape as q."""
-    return cylinder_geometry(machine, joint, q)[2]
-
-
 def cylinder_force(machine: Machine, joint: str, pressure_a: Array, pressure_b: Array) -> Array:
     """F = A_A p_A - A_B p_B (19) [N] from chamber pressures [Pa]; positive extends."""
     cylinder = machine.cylinders[joint]

@@ -23,40 +23,16 @@ from numba import njit
 from crane_model.array import Array
 from crane_model.machine import Machine
 
-LAGRANGIAN_PARAMETERS = (
-    "J_FL",
-    "S_FL_along",
-    "S_FL_normal",
-    "J_SL",
-    "S_SL_along",
-    "S_SL_normal",
-    "m_TL",
-    "S_TL_along",
-    "S_TL_normal",
-)
-
 _PLANAR_JOINTS = (0, 1, 2)  # where the joints stand that tau2, tau3 and F4 belong to
 
 
 class Geometry(NamedTuple):
-    """The four constants of Table 1 that the planar dynamics (3)-(9) need.
+    """The four constants of Table 1 that the planar dynamics (3)-(9) need."""
 
-    Parameters
-    ----------
-    theta_2_0
-        Angle from q2 to the line from joint 2 to the elbow [rad].
-    inner_boom_length
-        a2, from joint 2 to the elbow [m].
-    telescope_offset
-        a3, along the normal of the telescope's axis [m].
-    gravity
-        Gravitational acceleration [m/s2].
-    """
-
-    theta_2_0: float
-    inner_boom_length: float
-    telescope_offset: float
-    gravity: float
+    theta_2_0: float  # rad, from q2 to the line from joint 2 to the elbow
+    inner_boom_length: float  # m, a2, from joint 2 to the elbow
+    telescope_offset: float  # m, a3, along the normal of the telescope's axis
+    gravity: float  # m/s2
 
     @classmethod
     def of(cls, machine: Machine) -> "Geometry":
@@ -119,7 +95,10 @@ def _fill_regressor(
 
 
 def lagrangian_regressor(geometry: Geometry, q: Array, v: Array, acceleration: Array) -> Array:
-    """phi of (8) for the nine parameters: (n, 3) motion to (n, 3, 9); rows tau2, tau3, F4."""
+    """phi of (8) for the nine parameters: (n, 3) motion to (n, 3, 9); rows tau2, tau3, F4.
+
+    The parameters are J_FL, S_FL, N_FL, J_SL, S_SL, N_SL, m_TL, S_TL and N_TL.
+    """
     out = np.empty((len(q), 3, 9))
     _fill(geometry, q, v, acceleration, _PLANAR_JOINTS, 0.0, out)
     return out
@@ -156,106 +135,6 @@ def _fill(
         normal_per_mass,
         out,
     )
-
-
-def mass_matrix(geometry: Geometry, parameters: Array, q: Array) -> Array:
-    """M(q) of (6): (n, 3) coordinates and the nine parameters to (n, 3, 3)."""
-    j_fl, _, _, j_sl, s_sl, n_sl, m_tl, s_tl, n_tl = parameters
-    delta, q4 = q[:, 1] - geometry.theta_2_0, q[:, 2]
-    a, sin, cos = geometry.inner_boom_length, np.sin(delta), np.cos(delta)
-    phi_psi = a * ((s_sl + m_tl * q4) * cos - n_sl * sin)
-    psi_psi = j_sl + 2.0 * q4 * s_tl + m_tl * q4**2
-    phi_s = a * m_tl * sin
-    return _symmetric(
-        j_fl + 2.0 * phi_psi + psi_psi,
-        phi_psi + psi_psi,
-        phi_s - n_tl,
-        psi_psi,
-        np.full_like(q4, -n_tl),
-        np.full_like(q4, m_tl),
-    )
-
-
-def coriolis_matrix(geometry: Geometry, parameters: Array, q: Array, v: Array) -> Array:
-    """C(q, v) of (6) by Christoffel symbols, so that dM/dt - 2C is skew: (n, 3) to (n, 3, 3)."""
-    _, _, _, _, s_sl, n_sl, m_tl, s_tl, _ = parameters
-    delta, q4 = q[:, 1] - geometry.theta_2_0, q[:, 2]
-    a, sin, cos = geometry.inner_boom_length, np.sin(delta), np.cos(delta)
-    zero = np.zeros_like(q4)
-    # M depends on q3 and q4 alone
-    phi_psi = -a * ((s_sl + m_tl * q4) * sin + n_sl * cos)
-    phi_s = a * m_tl * cos
-    by_q3 = _symmetric(2.0 * phi_psi, phi_psi, phi_s, zero, zero, zero)
-    phi_psi = a * m_tl * cos
-    psi_psi = 2.0 * (s_tl + m_tl * q4)
-    by_q4 = _symmetric(2.0 * phi_psi + psi_psi, phi_psi + psi_psi, zero, psi_psi, zero, zero)
-    slope = np.stack([np.zeros_like(by_q3), by_q3, by_q4], axis=-1)  # dM_ij / dq_k
-    coriolis: Array = 0.5 * (
-        np.einsum("nijk,nk->nij", slope, v)
-        + np.einsum("nikj,nk->nij", slope, v)
-        - np.einsum("njki,nk->nij", slope, v)
-    )
-    return coriolis
-
-
-def gravity_vector(geometry: Geometry, parameters: Array, q: Array) -> Array:
-    """G(q) = dV/dq of (6): (n, 3) coordinates and the nine parameters to (n, 3)."""
-    still = np.zeros_like(q)
-    return lagrangian_regressor(geometry, q, still, still) @ parameters
-
-
-def energy(geometry: Geometry, parameters: Array, q: Array, v: Array) -> tuple[Array, Array]:
-    """Kinetic (5) and potential energy [J] at n samples; V is zero at joint 2's height."""
-    _, s_fl, n_fl, _, s_sl, n_sl, m_tl, _, _ = parameters
-    kinetic = 0.5 * np.einsum("ni,nij,nj->n", v, mass_matrix(geometry, parameters, q), v)
-    phi, psi = q[:, 0] + geometry.theta_2_0, q[:, 0] + q[:, 1]
-    height = s_fl * np.sin(phi) + n_fl * np.cos(phi)
-    height = height + (s_sl + m_tl * q[:, 2]) * np.sin(psi) + n_sl * np.cos(psi)
-    return kinetic, geometry.gravity * height
-
-
-def inverse_dynamics(
-    geometry: Geometry, parameters: Array, q: Array, v: Array, acceleration: Array
-) -> Array:
-    """Generalized forces of (6) by M, C and G: the other way round from the regressor (8).
-
-    Parameters
-    ----------
-    geometry
-        Constants of the planar crane.
-    parameters
-        (9,) parameters of the Lagrangian, in the order of `LAGRANGIAN_PARAMETERS`.
-    q, v, acceleration
-        (n, 3) motion of inner boom, outer boom [rad] and telescope [m], and its derivatives.
-
-    Returns
-    -------
-    (n, 3) torques of the booms [N m] and force of the telescope [N].
-
-    Examples
-    --------
-    A mass at the elbow alone, of moment 100 kg m about joint 2, level and at rest:
-
-    >>> from crane_model import load_machine
-    >>> geometry, rest = Geometry.of(load_machine()), np.zeros((1, 3))
-    >>> level = np.array([[-geometry.theta_2_0, 0.0, 0.0]])
-    >>> moment = np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    >>> inverse_dynamics(geometry, moment, level, rest, rest).round(1)
-    array([[981.,   0.,   0.]])
-    """
-    tau: Array = (
-        np.einsum("nij,nj->ni", mass_matrix(geometry, parameters, q), acceleration)
-        + np.einsum("nij,nj->ni", coriolis_matrix(geometry, parameters, q, v), v)
-        + gravity_vector(geometry, parameters, q)
-    )
-    return tau
-
-
-def _symmetric(*upper: Array) -> Array:
-    """(n, 3, 3) from the upper triangle 11, 12, 13, 22, 23, 33, each (n,)."""
-    m11, m12, m13, m22, m23, m33 = upper
-    rows = [[m11, m12, m13], [m12, m22, m23], [m13, m23, m33]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 # Derivatives of the planar regressor (8) with respect to the motion, summed with weights.

@@ -113,6 +113,21 @@ class JointLimits(Schema):
             )
         return self
 
+    @property
+    def middle(self) -> float:
+        """Position in the middle of the range [rad, m]."""
+        return (self.position_min + self.position_max) / 2.0
+
+    @property
+    def slower_speed(self) -> float:
+        """The smaller of the two limits of speed [per s]: the joint may reach it either way."""
+        return min(-self.velocity_min, self.velocity_max)
+
+    @property
+    def top_speed(self) -> float:
+        """The larger of the two limits of speed [per s]."""
+        return max(-self.velocity_min, self.velocity_max)
+
 
 class Follows(Schema):
     """Which joint's coordinate, times `ratio`, is also that of this joint."""

@@ -24,6 +24,16 @@ _KINDS = ("revolute", "revolute", "prismatic")
 _TOLERANCE = 1e-9  # rad, m
 
 
+class JointRanges(NamedTuple):
+    """Limits of j joints, (j,) each [rad or m, and per s]; see `JointLimits`."""
+
+    low: Array
+    high: Array
+    middle: Array
+    slower_speed: Array
+    top_speed: Array
+
+
 class PlanarCrane(NamedTuple):
     """The constants of Table 1 that matter in the plane [m, rad, m/s2]."""
 
@@ -209,6 +219,13 @@ class Machine(Schema):
     def limits(self) -> Mapping[str, JointLimits]:
         """Table 2: range of position and velocity of each joint."""
         return ByJoint(self.name, "limits", {joint.name: joint.limits for joint in self.joints})
+
+    def ranges(self, joints: Sequence[str] | None = None) -> JointRanges:
+        """Limits of some joints, by default of all, as arrays."""
+        named = self.joint_names if joints is None else joints
+        rows = [self.limits[joint] for joint in named]
+        names = ("position_min", "position_max", *JointRanges._fields[2:])
+        return JointRanges(*(np.array([getattr(row, name) for row in rows]) for name in names))
 
     @cached_property
     def actuators(self) -> Mapping[str, Actuator]:

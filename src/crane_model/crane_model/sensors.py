@@ -66,16 +66,6 @@ class SensorChain(Schema):
         deviation = np.clip(self.jitter * rng.standard_normal(count), -limit, limit)
         return start + self.period * np.arange(count) + deviation
 
-    def measure_position(self, joint: str, q: Array) -> Array:
-        """Encoder reading of the coordinates q of `joint`, any shape [rad, m]."""
-        step = self.encoder_resolution[joint]
-        shown: Array = step * np.round(np.asarray(q) / step)
-        return shown
-
-    def measure_positions(self, joints: Sequence[str], q: Array) -> Array:
-        """Encoder readings of j joints: (..., j) to (..., j) [rad, m]."""
-        return in_counts(q, self.counts(joints))
-
     def counts(self, joints: Sequence[str]) -> Array:
         """(j,) one count of the encoder of each joint [rad, m]."""
         return np.array([self.encoder_resolution[joint] for joint in joints])

@@ -14,7 +14,7 @@ from crane_model.machine import Machine
 
 _ORANGE, _GREY = "0.95 0.45 0.05 1", "0.3 0.3 0.32 1"
 TIP = "tip"
-ROUNDING_SHARE = 1e-12  # of the trace of an inertia, below which a moment is a rounding error
+INERTIA_ROUNDING_SHARE = 1e-12  # of the trace of an inertia, below which a moment is rounding
 FIRST_LINK_THICKNESS = 0.06  # of an arm's reach: how thick its first link is drawn
 
 
@@ -93,7 +93,7 @@ def _inertial(link: ET.Element, body: LinkInertia) -> None:
     """An inertia about the centre of mass, in axes of the link's frame."""
     link.append(ET.Comment(f" {body.comment} "))
     mass, centre, tensor = ten_about_centre(body.ten)
-    tensor = np.where(np.abs(tensor) > ROUNDING_SHARE * np.trace(tensor), tensor, 0.0)
+    tensor = np.where(np.abs(tensor) > INERTIA_ROUNDING_SHARE * np.trace(tensor), tensor, 0.0)
     inertial = ET.SubElement(link, "inertial")
     _origin(inertial, centre.round(12), np.eye(3))
     ET.SubElement(inertial, "mass", value=repr(mass))
@@ -125,7 +125,7 @@ def _joint(
         "limit",
         lower=repr(low),
         upper=repr(high),
-        velocity=repr(abs(ratio) * max(-limits.velocity_min, limits.velocity_max)),
+        velocity=repr(abs(ratio) * limits.top_speed),
         effort=f"{max((np.abs(force).max() for force in strengths), default=0.0):.6g}",
     )
     if friction is not None:

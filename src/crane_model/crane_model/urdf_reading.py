@@ -40,7 +40,7 @@ PRIOR_HEAD = """\
 PRIOR_STD_DEV = 0.3  # relative standard deviation of a body, until the user knows better
 UNLIMITED_POSITION = 1e3
 """Position [rad, m] from which on a limit is none: the URDF needed some number."""
-ROUNDING_SHARE = 1e-9
+MOMENT_ROUNDING_SHARE = 1e-9
 """Share of the largest second moment by which rounding may make another negative; a body that has
 no more than this is flat."""
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
@@ -144,7 +144,7 @@ def prior_file(bodies: Sequence[LinkBody], source: str) -> str:
             continue
         mass, centre, inertia = ten_about_centre(body.ten)
         second = _second_moments(mass, inertia)
-        definite &= bool(second[0] > ROUNDING_SHARE * second[2])
+        definite &= bool(second[0] > MOMENT_ROUNDING_SHARE * second[2])
         lines.append(
             f"  {body.joint}: {{mass: {mass:.6g}, centre_of_mass: {_list(centre)},\n"
             f"    inertia: {_list(np.diag(inertia))}, products: "
@@ -178,7 +178,7 @@ def _inertial(link: ET.Element | None, place: Array, path: Path) -> Array | Impo
     if kilograms == 0.0 and not tensor.any():
         return np.zeros(10)
     second = _second_moments(kilograms, tensor)
-    if not (kilograms > 0.0 and second[0] >= -ROUNDING_SHARE * second[2]):
+    if not (kilograms > 0.0 and second[0] >= -MOMENT_ROUNDING_SHARE * second[2]):
         return ImpossibleBody(name, kilograms, np.linalg.eigvalsh(tensor))
     turn = placed[:3, :3]
     return _ten(kilograms, placed[:3, 3], turn @ tensor @ turn.T)

@@ -90,18 +90,6 @@ def give_way() -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-def prefer(process: int, priority: int) -> bool:
-    """Give another process, by its id, a priority of SCHED_FIFO; return whether that is permitted.
-
-    Threads that it starts later have it, too.
-    """
-    try:
-        os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))
-    except (PermissionError, ProcessLookupError):
-        return False
-    return True
-
-
 class ProcessorTime(NamedTuple):
     """Processor time of a process so far."""
 

@@ -8,9 +8,9 @@ import pytest
 import yaml
 from rosbags.rosbag2 import StoragePlugin
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
-from crane_model.errors import DataError
+from crane_model import DataError
 
 Serializer = Callable[..., bytes]
 BagMaker = Callable[..., Path]

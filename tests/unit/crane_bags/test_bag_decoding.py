@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.serde import SerdeError
 
-from crane_bags import decoding
+from crane_bags import decoding, typestore
 from crane_bags.decoding import (
     Table,
     UnusualError,
@@ -18,7 +18,7 @@ from crane_bags.decoding import (
     find_layout,
     same,
 )
-from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, typestore
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES
 
 Serializer = Callable[..., bytes]
 NAMES = st.lists(

@@ -3,14 +3,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from crane_bags import Topic, typestore
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
-    Topic,
     double_fields,
-    typestore,
 )
 from crane_bags.writer import ArrayMessage
 

@@ -12,8 +12,8 @@ from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
+from crane_bags import BagWriter, TopicData, read_topics, typestore
 from crane_bags.clocks import SetBack, clock_step
-from crane_bags.reader import TopicData, read_topics
 from crane_bags.storage import (
     BLOCK_MESSAGES,
     MESSAGE_HEADER_BYTES,
@@ -21,15 +21,9 @@ from crane_bags.storage import (
     messages,
     open_bag,
 )
-from crane_bags.types import (
-    CYLINDER_PRESSURES,
-    JOINT_REFERENCE,
-    JOINT_STATES,
-    VALVE_COMMAND,
-    typestore,
-)
-from crane_bags.writer import BagWriter, offered_qos
-from crane_model.errors import DataError
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES, VALVE_COMMAND
+from crane_bags.writer import offered_qos
+from crane_model import DataError
 
 START = 1_700_000_000_000_000_000
 STEP = 5_000_000

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_share_path
 
-from crane_bags import types
+from crane_bags import Topic, types, typestore
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     DRIVER_STATE,
@@ -12,11 +12,9 @@ from crane_bags.types import (
     JOINT_STATES,
     ROBOT_DESCRIPTION,
     VALVE_COMMAND,
-    Topic,
     double_fields,
-    typestore,
 )
-from crane_model.errors import CraneError
+from crane_model import CraneError
 
 TOPICS = [
     *(JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE),

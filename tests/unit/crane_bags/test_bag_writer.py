@@ -9,10 +9,9 @@ import yaml
 from laboratory_crane import JOINTS
 from mcap.reader import make_reader
 
-from crane_bags.reader import read_topics
-from crane_bags.types import JOINT_STATES, ROBOT_DESCRIPTION, VALVE_COMMAND, typestore
-from crane_bags.writer import BagWriter
-from crane_model.errors import DataError
+from crane_bags import BagWriter, read_topics, typestore
+from crane_bags.types import JOINT_STATES, ROBOT_DESCRIPTION, VALVE_COMMAND
+from crane_model import DataError
 
 START = 1_700_000_000_123_456_789
 

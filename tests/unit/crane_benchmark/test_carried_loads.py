@@ -3,8 +3,8 @@
 import numpy as np
 
 from crane_benchmark.scores.score_cases import carrying
+from crane_model import load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 from crane_model.terms.gravity_and_load import Payload
 from crane_model.terms.term import Load
 

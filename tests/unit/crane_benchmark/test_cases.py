@@ -2,7 +2,8 @@
 
 import pytest
 
-from crane_benchmark.cases.case import CaseKind, EffectToHide, Simulator, Story, World
+from crane_benchmark import CaseKind
+from crane_benchmark.cases.case import EffectToHide, Simulator, Story, World
 from crane_benchmark.cases.case_sets import (
     ABSORBED,
     RELATIVE_MAGNITUDES,
@@ -17,8 +18,7 @@ from crane_benchmark.cases.motions import LABORATORY_CRANE, Richness
 from crane_benchmark.cases.simulators import AS_DRAWN, LAWS, SURVEYED, drawn_effects, drawn_machine
 from crane_benchmark.independent.readings import FAMILIES
 from crane_identification.diagnosis.flow import load_usual
-from crane_sim.ground_truth import InjectedEffect
-from crane_sim.parts.parameters import load_simulated_crane
+from crane_sim import InjectedEffect, load_simulated_crane
 
 
 def test_sets_share_no_case():

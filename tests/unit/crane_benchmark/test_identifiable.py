@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 
-from crane_benchmark.cases.case import Case, CaseKind, EffectToHide, HiddenInRecording
+from crane_benchmark import Case, CaseKind
+from crane_benchmark.cases.case import EffectToHide, HiddenInRecording
 from crane_benchmark.cases.simulators import load_seen, save_clean
 from crane_benchmark.scores.truth import CaseTruth, beyond_usual
 from crane_identification.diagnosis.findings import FindingEntry, Findings, FoundParameter
 from crane_identification.diagnosis.flow import load_usual
+from crane_model import Record, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
-from crane_model.record import Record
+from crane_sim import load_simulated_crane
 from crane_sim.ground_truth import Clean, TrueEffect, TrueParameter
-from crane_sim.parts.parameters import Edges, load_simulated_crane
+from crane_sim.parts.parameters import Edges
 
 JOINT = "outer_boom"
 FORCE = 4000.0  # N m

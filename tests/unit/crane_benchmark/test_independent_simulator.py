@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES, VALVE_COMMAND
 from crane_benchmark.independent.effects import FORCE_FORMS, FRICTION_FORMS, Rubbed, rubbing
 from crane_benchmark.independent.parts import (
@@ -23,19 +23,14 @@ from crane_benchmark.independent.parts import (
     relaxed,
 )
 from crane_benchmark.independent.plant import IndependentPlant
-from crane_model.cylinders import generalized_forces
-from crane_model.errors import RangeError
-from crane_model.machine import Machine, load_machine
+from crane_model import Machine, RangeError, generalized_forces, load_machine
 from crane_model.machine_files import machine_file
+from crane_sim import SimulatedCrane, load_simulated_crane, make
 from crane_sim.effects.form import Form, InjectedForm
-from crane_sim.make_bag import make
 from crane_sim.parts.constants import pack_chain
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 from crane_sim.parts.rigid_bodies import mass_and_bias
+from crane_trajectory import load_clearance, load_trajectory, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
 
 pytest.importorskip("mujoco")
 

@@ -2,10 +2,9 @@
 
 import pytest
 
+from crane_benchmark import BlindAnswer, CaseKind, Judgement, judge
 from crane_benchmark.answers.answer_cases import CaseAnswer
-from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.leave_one_out import Left, became
-from crane_benchmark.scores.judgement import BlindAnswer, Judgement, judge
 from crane_identification.diagnosis.findings import FindingEntry, Findings, FoundEffect
 
 STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")

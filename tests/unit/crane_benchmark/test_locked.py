@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
-from crane_benchmark import benchmark
+from crane_benchmark import Folders, benchmark
 from crane_benchmark.answers.answer_cases import AnswerStatistics, CaseAnswer
 from crane_benchmark.benchmark import Batch
 from crane_benchmark.cases.case import Simulator
 from crane_benchmark.cases.case_sets import CaseSet, cases
-from crane_benchmark.folders import Folders, new, read_json, write_json
+from crane_benchmark.folders import new, read_json, write_json
 from crane_benchmark.scores import lock, locked
 from crane_identification.thresholds import load_thresholds
-from crane_model.errors import ConfigurationError, DataError
+from crane_model import ConfigurationError, DataError
 
 ANSWER = {
     "verdict": "named",

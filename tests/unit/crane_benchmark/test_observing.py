@@ -25,12 +25,10 @@ from crane_benchmark.observing.loads import missed as missed_loads
 from crane_benchmark.observing.machines import HeardWork, KeptRecordings, WorkCycles, stock
 from crane_benchmark.observing.observer import missed
 from crane_benchmark.observing.sensors import draw_curves, shares
-from crane_model.errors import DataError
-from crane_observer.monitor.finding import Part, SensorFinding, Wrong
-from crane_observer.monitor.tolerance import unlearnt
+from crane_model import DataError
+from crane_observer import HeardRecording, Part, SensorFinding, Wrong, unlearnt
 from crane_observer.payload.estimator import PayloadCondition, PayloadEstimate
 from crane_observer.payload.filter import TipLoad
-from crane_observer.recording import HeardRecording
 from crane_sim.plant.closed_loop import REST_S
 from crane_sim.sensor_faults import TimedFault, parse
 

@@ -16,10 +16,9 @@ from crane_benchmark.rehearsal.tried import (
     every_kind,
     stopping_distances,
 )
-from crane_driver.safety.commands import load_safety
+from crane_driver import load_safety
 from crane_identification.report.summary import ParameterSummary
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.parts.parameters import load_both
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from crane_benchmark import BlindAnswer, Case, Judgement
 from crane_benchmark.answers.answer_cases import AnswerStatistics
-from crane_benchmark.cases.case import Case, Simulator, Story
+from crane_benchmark.cases.case import Simulator, Story
 from crane_benchmark.cases.case_sets import RELATIVE_MAGNITUDES, CaseSet, cases
 from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
 from crane_benchmark.scores import figures, published
 from crane_benchmark.scores.figures import agreement, together
-from crane_benchmark.scores.judgement import AND_MORE, BlindAnswer, Judgement
+from crane_benchmark.scores.judgement import AND_MORE
 from crane_benchmark.scores.published import notes, side_by_side, tables
 from crane_benchmark.scores.summary import (
     BenchmarkResults,

@@ -5,24 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from crane_benchmark.cases.case import (
-    Carried,
-    Case,
-    CaseKind,
-    EffectToHide,
-    SessionRecording,
-    World,
-    recordings,
-)
+from crane_benchmark import Case, CaseKind
+from crane_benchmark.cases.case import Carried, EffectToHide, SessionRecording, World, recordings
 from crane_benchmark.cases.motions import Maker
 from crane_identification.preparation.periodicity import detect_periodicity
-from crane_model.errors import DataError
-from crane_model.machine import load_machine
+from crane_model import DataError, load_machine
 from crane_model.machine_files import machine_file
+from crane_sim import load_simulated_crane
 from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_trajectory.motion.check import load_clearance
+from crane_trajectory import load_clearance
 
 TRAIN, VALIDATE = 6, 2
 LOAD = InjectedForm(FORMS["payload"][0], None, (10.0, 0.1, 0.2))

@@ -7,11 +7,12 @@ from functools import cache
 import numpy as np
 from unit.crane_driver.can.traffic import BEGIN, CRANE, Bus, Sent
 
-from crane_driver.can.codec import MachineCodec, frame_crc
+from crane_driver import MachineCodec, load_safety
+from crane_driver.can.codec import SignalBits, frame_crc
 from crane_driver.can.frame import Frame
+from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
-from crane_driver.safety.commands import load_safety
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())
@@ -104,3 +105,17 @@ def encoded(one: Sent) -> Frame:
     data[protection.crc_byte] = frame_crc(data, protection.crc_byte, protection.data_id)
     stamp = round(one.received * 1e9)
     return frame._replace(data=bytes(data), stamp=stamp, steady=one.received)
+
+
+def disowned(frame: Frame, readings: tuple[str, ...], layout: Layout = CRANE) -> Frame:
+    """The frame as sensors send it that mark these readings as faulty."""
+    (message,) = (one for one in layout.readings if one.message.frame_id == frame.id)
+    bits, protection = SignalBits(message.message), message.protection
+    raw = dict(bits.unpack(frame.data))
+    for channel in (*message.positions, *message.pressures):
+        if channel.fault and channel.name in readings:
+            raw[channel.fault] = 1
+    data = bytearray(bits.pack(raw))
+    if protection.crc:
+        data[protection.crc_byte] = frame_crc(data, protection.crc_byte, protection.data_id)
+    return frame._replace(data=bytes(data))

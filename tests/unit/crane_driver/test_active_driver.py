@@ -7,12 +7,11 @@ from typing import Any
 import pytest
 from unit.crane_driver.test_driver_loop import Bench
 
-from crane_driver import active_driver
+from crane_driver import active_driver, load_layout
 from crane_driver.active_driver import ActiveDriver
-from crane_driver.can.binding import load_layout
 from crane_driver.can.frame import Frame
 from crane_driver.safety.supervisor import SafetyState
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 STOP = 0.3  # s; commands time out after 0.1 s, a stall is one after 0.05 s

@@ -10,18 +10,15 @@ import pytest
 import yaml
 from matplotlib.figure import Figure
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import MachineCodec
+from crane_driver import MachineCodec, load_layout, load_safety
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import DriverLoop, JointSample
 from crane_driver.driver_parameters import driver_parameters
 from crane_driver.operator.bringup.estimates import EncoderResult, Rest, find_encoder
 from crane_driver.operator.bringup.results import EncoderTrace, draw_encoders
 from crane_driver.operator.jog.jog_node import JogParameters
-from crane_driver.safety.commands import load_safety
 from crane_driver.safety.supervisor import Supervisor
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
 

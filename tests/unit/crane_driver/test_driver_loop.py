@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from unit.crane_driver.driven import disowned
 
+from crane_driver import DriverCodec, Fault, FaultKind, MachineCodec, load_layout, load_safety
 from crane_driver.can.assembly import LEARNING_FRAMES
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import CylinderEffort, DriverLoop, JointSample, PressureSample
-from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.commands import load_safety
 from crane_driver.safety.supervisor import SafetyState
-from crane_model.cylinders import generalized_forces
-from crane_model.machine import load_machine
+from crane_model import generalized_forces, load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.this_computer import ProcessorTime
 
@@ -65,8 +62,9 @@ class Bench:
         stamp = EPOCH + round(time * 1e9)
         names = [one for one in self.machine.cycles if one != "ValveStatus" or self.count % 2]
         return [
-            self.machine.reading_frame(
-                name, positions, PRESSURES, {"valve_unit": "Neutral"}, faulty
+            disowned(
+                self.machine.reading_frame(name, positions, PRESSURES, {"valve_unit": "Neutral"}),
+                faulty,
             )._replace(stamp=stamp, steady=self.now)
             for name in names
         ]

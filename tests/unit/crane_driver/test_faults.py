@@ -7,8 +7,8 @@ from from_code import faults
 from unit.crane_driver.safety.supervised import CAN_FAULT, Bench
 from unit.crane_driver.safety.test_substitution import SUBSTITUTED, degraded
 
+from crane_driver import Fault, FaultKind
 from crane_driver.driver_messages import STATE_NUMBERS, driver_state, inactive_state
-from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.supervisor import SafetyState, Supervisor
 from crane_interfaces.msg import DriverState
 

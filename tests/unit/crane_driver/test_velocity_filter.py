@@ -4,7 +4,8 @@ from filterpy.common import Q_continuous_white_noise
 from filterpy.kalman import KalmanFilter
 from scipy.linalg import solve_discrete_are
 
-from crane_driver.velocity_filter import JERK_MEMORY_S, UNKNOWN_VELOCITY, VelocityFilter
+from crane_driver import VelocityFilter
+from crane_driver.velocity_filter import JERK_MEMORY_S, UNKNOWN_VELOCITY
 
 STEP = 0.005
 JERK_DENSITY = np.array([1e-4, 2.4e-4, 1e-3, 1e-5])
@@ -107,7 +108,7 @@ def test_motion_of_the_crane_through_its_encoder(jitter: float) -> None:
 
 
 def two_joints() -> VelocityFilter:
-    velocity_filter = VelocityFilter([1e-3, 1e-3], [1e-4, 1e-4], longest_pause=0.1)
+    velocity_filter = VelocityFilter([1e-3, 1e-3], [1e-4, 1e-4])
     run(velocity_filter, np.arange(200) * STEP, np.outer(np.arange(200) * STEP, [1.0, -1.0]))
     return velocity_filter
 

@@ -7,14 +7,13 @@ encoders and transducers on is what happens to a recording of the machine.
 import numpy as np
 from unit.crane_identification.synthetic import AREAS, crane_model
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
+from crane_model import Model, Record
 from crane_model.configuration import load
 from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model
-from crane_model.record import Record
-from crane_model.sensors import SensorChain
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_model.sensors import SensorChain, in_counts
+from crane_trajectory import load_trajectory
 
 LOWEST_PRESSURE = 1e6  # Pa, in the chamber that pushes less
 
@@ -49,12 +48,12 @@ def experiment(
     area_a, area_b = (np.array([getattr(c, name) for c in cylinders]) for name in AREAS)
     pressure_a = LOWEST_PRESSURE + np.maximum(force, 0.0) / area_a
     pressure_b = LOWEST_PRESSURE * area_a / area_b + np.maximum(-force, 0.0) / area_b
-    position = [chain.measure_position(joint, q[:, j]) for j, joint in enumerate(model.joints)]
+    position = in_counts(q, chain.counts(model.joints))
     return Log(
         source=f"experiment {seed}",
         joints=model.joints,
         start=0,
-        position=Signal(time, np.stack(position, axis=1), "/joint_states"),
+        position=Signal(time, position, "/joint_states"),
         pressure_a=Signal(time, chain.measure_pressure(rng, pressure_a), "/cylinder_pressures"),
         pressure_b=Signal(time, chain.measure_pressure(rng, pressure_b), "/cylinder_pressures"),
         reference_position=Signal(time, q, "/joint_reference"),

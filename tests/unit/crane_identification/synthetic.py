@@ -5,11 +5,10 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import cumulative_simpson
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
+from crane_model import Model, Record, load_model
 from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
 
 PERIOD = 20.0
 LEAD = 2.0  # s of other motion before and after the periods

@@ -8,7 +8,9 @@ import pytest
 from laboratory_crane import PLANAR_JOINTS
 from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import AXIS_THETA, axis_log, axis_model, crane_model
+from unit.crane_model.lagrangian import mass_matrix
 
+from crane_identification import Estimate, Estimator, FitResult, Options, fit
 from crane_identification.estimation.consistent import (
     FELT_SIGMAS,
     LEAST_EIGENVALUE_IN_PLANE,
@@ -16,12 +18,9 @@ from crane_identification.estimation.consistent import (
     physics,
 )
 from crane_identification.estimation.least_squares import least_squares
-from crane_identification.estimation.regression import Estimate, Rows, balancing
-from crane_identification.fitting import FitResult, fit
-from crane_identification.options import Estimator, Options
-from crane_model.dynamics import Geometry, mass_matrix
-from crane_model.machine import Machine
-from crane_model.model_file import Model
+from crane_identification.estimation.regression import Rows, balancing
+from crane_model import Machine, Model
+from crane_model.dynamics import Geometry
 
 POSES = 1000
 

@@ -12,13 +12,9 @@ import numpy as np
 import pytest
 import yaml
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Estimator, FitResult, Log, Options, Signal, fit, validate
 from crane_identification.estimation.prior import Prior, load_prior
-from crane_identification.fitting import FitResult, fit, validate
-from crane_identification.options import Estimator, Options
-from crane_model.errors import ConfigurationError
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
+from crane_model import ConfigurationError, Model, Record, load_model
 
 JOINTS = tuple(f"axis_{k}" for k in range(1, 7))
 LEAST_SQUARES = Options(average=False, estimator=Estimator.LEAST_SQUARES)

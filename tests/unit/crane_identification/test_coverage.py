@@ -4,7 +4,7 @@ import numpy as np
 from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import crane_model
 
-from crane_identification.fitting import fit
+from crane_identification import fit
 
 EXPERIMENTS = 12
 SPREAD = 0.07  # of the share of 20 parameters that one experiment covers, standard deviation

@@ -9,15 +9,12 @@ import pytest
 from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import crane_model
 
+from crane_bags import BagWriter
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
-from crane_bags.writer import BagWriter
+from crane_identification import FitResult, Log, Options, fit, read_bag
 from crane_identification.data.bad_samples import usable
-from crane_identification.data.log import Log
-from crane_identification.data.recording_log import read_bag
-from crane_identification.fitting import FitResult, fit
-from crane_identification.options import Options
 from crane_identification.report.findings import findings
-from crane_model.errors import DataError
+from crane_model import DataError
 
 START = 1_700_000_000_000_000_000
 JOINTS = crane_model().joints

@@ -12,6 +12,7 @@ from statsmodels.robust.norms import TukeyBiweight
 from statsmodels.robust.robust_linear_model import RLM
 from unit.crane_identification.test_least_squares import THETA, columns, noisy, rows
 
+from crane_identification import Covariance
 from crane_identification.estimation.autoregression import lack_of_fit
 from crane_identification.estimation.least_squares import (
     instrumental,
@@ -20,9 +21,8 @@ from crane_identification.estimation.least_squares import (
     weighted,
 )
 from crane_identification.estimation.regression import Rows
-from crane_identification.options import Covariance
 from crane_identification.signals.decimate import decimate, filtered_noise
-from crane_model.errors import DataError
+from crane_model import DataError
 
 NOISE = np.array([[1.0, 6.0], [6.0, 49.0]])  # of one period, between two joints
 PERIODS = 5

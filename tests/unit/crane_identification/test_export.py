@@ -8,15 +8,21 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from crane_identification.export import export_mjcf, export_urdf, identified_bodies, main
+from crane_identification import export_mjcf, export_urdf, identified_bodies
+from crane_identification.export import main
+from crane_model import (
+    ConfigurationError,
+    DataError,
+    Model,
+    Record,
+    lever_arms,
+    load_model,
+    save_model,
+    simulate,
+)
 from crane_model.chain.body_regressor import pseudo_inertia
 from crane_model.chain.dynamics import inverse_dynamics
-from crane_model.cylinders import lever_arms
-from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model, save_model
-from crane_model.record import Record
-from crane_model.simulation import simulate
 from crane_sim.parts.parameters import load_both
 from crane_sim.true_values import true_parameters
 

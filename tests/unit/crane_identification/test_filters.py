@@ -11,7 +11,7 @@ from crane_identification.signals.decimate import (
     filtered_noise,
 )
 from crane_identification.signals.routes import ButterworthDifferentiator
-from crane_model.errors import DataError
+from crane_model import DataError
 
 STEP = 0.005
 TIME = STEP * np.arange(4001)

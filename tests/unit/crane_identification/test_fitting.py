@@ -15,16 +15,13 @@ from unit.crane_identification.synthetic import (
     crane_model,
 )
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Estimator, FitResult, Log, Options, Signal, fit, validate
 from crane_identification.estimation.excitation import redundancies
 from crane_identification.estimation.prior import load_prior
-from crane_identification.fitting import FitResult, fit, validate
-from crane_identification.options import Estimator, Options
 from crane_identification.preparation.prepare import prepare
+from crane_identification.report.content import pooled
 from crane_identification.report.findings import findings
-from crane_model.errors import ConfigurationError, DataError
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
+from crane_model import ConfigurationError, DataError, Model, Record, load_model
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +48,9 @@ def test_simulated_crane_is_found(fitted_crane: FitResult) -> None:
 def test_simulated_crane_is_validated_down_to_the_noise(fitted_crane: FitResult) -> None:
     (validation,) = validate(fitted_crane.model, [crane_log(seed=3)])
     assert (validation.relative_error < 0.01).all()
-    assert (validation.relative_error_without_gravity >= validation.relative_error).all()
-    assert (validation.relative_error_moving < 2 * validation.relative_noise_floor).all()
+    errors = pooled(fitted_crane.model, [validation])
+    assert (errors.without_gravity >= validation.relative_error).all()
+    assert (errors.moving < 2 * errors.noise_floor).all()
     measured = np.linalg.norm(validation.measured, axis=0)
     error = np.linalg.norm(validation.measured - validation.predicted, axis=0)
     np.testing.assert_allclose(validation.relative_error, error / measured)

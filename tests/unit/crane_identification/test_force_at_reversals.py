@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from crane_identification import Validation
 from crane_identification.preparation.run import Averaging, Preparation, drift
 from crane_identification.signals.motion import smoothed_alike
-from crane_identification.validation.force_validation import Validation, compare
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_identification.validation.force_validation import compare
+from crane_model import Model, Record
 from crane_model.terms import Setting, friction, single_axis
 
 STEP, PERIOD = 0.005, 20.0  # s

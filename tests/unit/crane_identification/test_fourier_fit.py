@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from crane_identification.options import Options
+from crane_identification import Options
 from crane_identification.signals.decimate import KEPT_SHARE
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.routes import (
@@ -10,7 +10,7 @@ from crane_identification.signals.routes import (
     estimate_period,
     estimate_record,
 )
-from crane_model.errors import DataError
+from crane_model import DataError
 
 N, STEP = 4000, 0.005
 TIME = STEP * np.arange(N)

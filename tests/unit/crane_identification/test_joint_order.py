@@ -9,11 +9,10 @@ from laboratory_crane import JOINT_UNITS
 from unit.crane_identification.online.online_crane import record_log
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.data.log import Log, Signal
-from crane_identification.fitting import fit, validate
+from crane_identification import Log, Signal, fit, validate
 from crane_identification.online.replay import replay
 from crane_identification.validation.motion_validation import validate_motion
-from crane_model.model_file import Model
+from crane_model import Model
 from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous
 from crane_model.terms.single_axis import Inertia
 from crane_model.terms.term import Setting

@@ -12,7 +12,7 @@ from crane_identification.signals.kalman import (
 )
 from crane_identification.signals.motion import encoder_resolution
 from crane_identification.signals.routes import estimate_period
-from crane_model.errors import DataError
+from crane_model import DataError
 
 STEP = 0.005
 RESOLUTION = 1e-4

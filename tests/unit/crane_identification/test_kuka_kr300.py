@@ -9,20 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crane_identification import ColumnMap, Estimator, FitResult, Log, Options, fit, validate
 from crane_identification.data.bad_samples import usable
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.log import Log
 from crane_identification.data.table_log import read_table
 from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.estimation.prior import Measure, load_prior
-from crane_identification.fitting import FitResult, fit, validate
-from crane_identification.options import Estimator, Options
 from crane_identification.report.findings import findings
 from crane_identification.signals.routes import ButterworthDifferentiator
 from crane_identification.thresholds import load_thresholds
+from crane_model import DataError, Model, load_model
 from crane_model.configuration import load
-from crane_model.errors import DataError
-from crane_model.model_file import Model, load_model
 
 HERE = Path(__file__).parents[2] / "machines"
 USABLE = 1.8, 8.2  # s of each recording

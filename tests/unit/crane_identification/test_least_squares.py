@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from statsmodels.regression.linear_model import OLS, WLS
 
+from crane_identification import Covariance
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.regression import Rows, balancing
-from crane_identification.options import Covariance
-from crane_model.errors import DataError
+from crane_model import DataError
 
 THETA = np.array([3.0, 10.0, 1.0, 2.0, 0.5])
 NAMES = ("inertia", "gravity", "viscous", "coulomb", "offset")

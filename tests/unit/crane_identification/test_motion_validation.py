@@ -7,9 +7,7 @@ import pytest
 from unit.crane_identification.synthetic import crane_model
 
 from crane_identification.validation.motion_validation import validate_motion
-from crane_model.model_file import Model
-from crane_model.record import Record
-from crane_model.simulation import simulate
+from crane_model import Model, Record, simulate
 from crane_model.terms import presliding, single_axis
 from crane_model.terms.friction import Viscous
 from crane_model.terms.gravity_and_load import Payload

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from unit.crane_identification.synthetic import RATE, axis_log, axis_model
 
-from crane_identification import diagnose, identify
-from crane_identification.data.column_map import ColumnMap
+from crane_identification import ColumnMap, Options, diagnose, identify
 from crane_identification.data.sources import Sources
-from crane_identification.options import Options
-from crane_model.errors import DataError
+from crane_model import DataError
 from crane_model.progress_bar import silent
 
 GIVEN = ["--model", "m", "--train", "a", "--validate", "b", "--out", "c"]

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crane_identification.preparation.periodicity import detect_periodicity
-from crane_model.errors import DataError
+from crane_model import DataError
 
 HARMONICS = np.arange(1, 6)
 

@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Estimator, Log, Options, Signal, fit
 from crane_identification.estimation.prior import KnownBody, load_prior
-from crane_identification.fitting import fit
-from crane_identification.options import Estimator, Options
 from crane_identification.report.findings import findings
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_model import ConfigurationError, Model, Record, load_machine
 from crane_model.terms import Setting
 from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.gravity_and_load import planar_machine

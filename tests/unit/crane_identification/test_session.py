@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from unit.crane_identification.synthetic import axis_log, axis_model
 
-from crane_identification.data.log import Log
-from crane_identification.options import Options
-from crane_identification.preparation.prepare import Session, prepare_all
+from crane_identification import Log, Options, Session
+from crane_identification.preparation.prepare import prepare_all
 
 NOW = 1_735_689_600_123_456_789  # ns
 HOUR = 3600.0

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from crane_model.machine import Machine
+from crane_model import Machine
 
 
 def with_actuator(machine: Machine, joint: str, **update: Any) -> Machine:

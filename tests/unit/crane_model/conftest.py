@@ -1,9 +1,8 @@
 import pytest
 
+from crane_model import Machine, Model, load_machine, load_model
 from crane_model.dynamics import Geometry
-from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
 
 
 @pytest.fixture(scope="session")

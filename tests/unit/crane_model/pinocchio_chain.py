@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from crane_model.machine import Machine
+from crane_model import Machine
 
 
 def pinocchio_chain(machine: Machine, bodies: np.ndarray) -> pin.Model:

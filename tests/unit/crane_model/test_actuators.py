@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from crane_model import linkages
+from crane_model import Machine, linkages
 from crane_model.actuators import (
     ACTUATOR_TYPES,
     Actuator,
@@ -15,7 +15,6 @@ from crane_model.actuators import (
     actuator_from_mapping,
 )
 from crane_model.array import Array
-from crane_model.machine import Machine
 
 CYLINDER = {"area_a": 2e-3, "area_b": 1e-3, "pressure_sensors": True}
 RANGE = {"length_min": -10.0, "length_max": 10.0}

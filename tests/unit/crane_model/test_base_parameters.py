@@ -5,8 +5,10 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
+from unit.crane_model.lagrangian import LAGRANGIAN_PARAMETERS
 from unit.crane_model.pinocchio_crane import A_3, planar_crane, random_bodies
 
+from crane_model import Model, Record
 from crane_model.base_parameters import (
     REPORT_PARAMETERS,
     REPORT_UNITS,
@@ -15,9 +17,7 @@ from crane_model.base_parameters import (
     report_from_base,
     reveal_rank,
 )
-from crane_model.dynamics import LAGRANGIAN_PARAMETERS, Geometry, lagrangian_regressor
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.terms.rigid_body import BASE_PARAMETERS
 
 SAMPLES = 300

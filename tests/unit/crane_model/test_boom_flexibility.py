@@ -6,9 +6,8 @@ from laboratory_crane import PLANAR_JOINTS
 from scipy.integrate import solve_ivp
 from unit.crane_model.test_term_registry import SETTING
 
+from crane_model import Machine, Record
 from crane_model.dynamics import Geometry, lagrangian_regressor
-from crane_model.machine import Machine
-from crane_model.record import Record
 from crane_model.terms import Setting, term_from_mapping
 from crane_model.terms.elasticity import BoomFlexibility
 from crane_model.terms.gravity_and_load import tip_mass

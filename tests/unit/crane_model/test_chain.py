@@ -9,9 +9,8 @@ import pinocchio as pin
 import pytest
 from unit.crane_model.pinocchio_chain import pinocchio_chain, random_bodies
 
+from crane_model import Machine, load_machine, tip_jacobian, tip_position
 from crane_model.chain import body_regressor, dynamics
-from crane_model.kinematics import tip_jacobian, tip_position
-from crane_model.machine import Machine, load_machine
 
 TOLERANCE = 1e-9
 STATES = 50

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from crane_model.cylinders import ChamberForces, generalized_forces
-from crane_model.errors import RangeError
-from crane_model.machine import Coupling, Machine, load_machine
+from crane_model import Machine, RangeError, generalized_forces, load_machine
+from crane_model.cylinders import ChamberForces
+from crane_model.machine import Coupling
 
 CRANE = load_machine()
 SLIDE = Coupling(joints=("inner_boom", "telescope"), matrix=((1.0, 0.2), (0.0, 1.0)))

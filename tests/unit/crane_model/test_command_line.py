@@ -12,10 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from crane_model import cli
+from crane_model import ConfigurationError, cli
 from crane_model import progress_bar as shown
 from crane_model.cli import above, between, check_out, command_line, one_of, whole
-from crane_model.errors import ConfigurationError
 from crane_model.progress_bar import progress_bar
 
 

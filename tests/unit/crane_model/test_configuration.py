@@ -8,9 +8,9 @@ import pytest
 from pydantic import Field, ValidationError
 from pydantic_core import core_schema
 
+from crane_model import ConfigurationError, CraneError, DataError, RangeError
 from crane_model.cli import run
 from crane_model.configuration import Schema, load, read_yaml, save, wording
-from crane_model.errors import ConfigurationError, CraneError, DataError, RangeError
 from crane_model.machine_files import machine_file
 
 LIMITS = (

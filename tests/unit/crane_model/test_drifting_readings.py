@@ -8,9 +8,8 @@ from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_term_registry import SETTING, random_record
 from unit.crane_model.test_term_sensing import INERTIAL
 
-from crane_model.cylinders import generalized_forces, lever_arm
-from crane_model.machine import Machine
-from crane_model.record import Record
+from crane_model import Machine, Record, generalized_forces
+from crane_model.cylinders import lever_arm
 from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_model.terms.sensing import ChamberGainDrift, PressureDrift
 

@@ -3,17 +3,17 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from crane_model.base_parameters import lagrangian_from_standard
-from crane_model.dynamics import (
-    Geometry,
+from unit.crane_model.lagrangian import (
     coriolis_matrix,
     energy,
     gravity_vector,
     inverse_dynamics,
     mass_matrix,
 )
-from crane_model.machine import load_machine
+
+from crane_model import load_machine
+from crane_model.base_parameters import lagrangian_from_standard
+from crane_model.dynamics import Geometry
 
 GEOMETRY = Geometry.of(load_machine())
 

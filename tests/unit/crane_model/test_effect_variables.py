@@ -7,7 +7,7 @@ import pytest
 from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_term_registry import CANDIDATES, example, setting_of
 
-from crane_model.record import Record
+from crane_model import Record
 from crane_model.terms import REGISTRY, MemoryTerm
 from crane_model.terms.term import Variable
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from unit.crane_model.test_term_registry import SETTING
 
-from crane_model.record import Record
+from crane_model import Record
 from crane_model.terms.single_axis import EndCushioning
 
 LOW, HIGH, ZONE = 0.0, 1.55, 0.2  # m, of the telescope

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from crane_model.errors import DataError
+from crane_model import DataError, Machine, Record
 from crane_model.flow import (
     FLOW_EFFECTS,
     InternalLeakage,
@@ -19,8 +19,6 @@ from crane_model.flow import (
     flow_regressor,
     piston_flow,
 )
-from crane_model.machine import Machine
-from crane_model.record import Record
 
 JOINT = "telescope"  # x = q
 SUPPLY, TANK, ATMOSPHERE = 175e5, 2e5, 1.013e5

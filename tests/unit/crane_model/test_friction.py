@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from laboratory_crane import PLANAR_JOINTS
 
-from crane_model.errors import DataError
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_model import DataError, Model, Record
 
 RESOLUTION = np.array([0.01, 0.01, 0.02])
 

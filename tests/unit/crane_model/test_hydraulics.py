@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from crane_model import ConfigurationError, Model, Record, load_model, save_model
 from crane_model.cylinders import cylinder_forces_from_generalized
-from crane_model.errors import ConfigurationError
 from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
@@ -19,8 +19,6 @@ from crane_model.hydraulics import (
 from crane_model.hydraulics.simulation import CraneState, circuit_of, simulate_openings, substeps
 from crane_model.hydraulics.stepping import openings, spool_course, trailing
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model, save_model
-from crane_model.record import Record
 
 GAIN = 3e-7
 VALVE = {

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from known_crane import known_model
 
-from crane_model.errors import ConfigurationError, RangeError
+from crane_model import ConfigurationError, RangeError, load_machine
 from crane_model.hydraulics.simulation import MAX_CYCLE_S, IdentifiedSimulation
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.parts.parameters import load_simulated_crane
+from crane_sim import Plant, load_simulated_crane
 from crane_sim.plant.closed_loop import IdentifiedPlant
-from crane_sim.plant.plant import Plant
 
 MACHINES = ("laboratory_crane", "excavator", "single_axis")
 

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 import crane_machines
+from crane_model import Machine, load_machine
 from crane_model.inspection import findings, travels
 from crane_model.inspection.machine_command import main, picture
-from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 
 

@@ -12,8 +12,7 @@ from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_architecture import FOLDERS
 from unit.crane_model.test_own_terms import CODE
 
-from crane_model.machine import load_machine
-from crane_model.model_file import Model
+from crane_model import Model, load_machine
 from crane_model.terms import REGISTRY, Setting, Term
 from crane_model.terms.friction import Coulomb, ViscousAsymmetry
 from crane_model.terms.gravity_and_load import Payload

@@ -9,13 +9,19 @@ import pytest
 from laboratory_crane import JOINT_UNITS, JOINTS, PLANAR_JOINTS
 from unit.crane_model.test_term_registry import each_type, example, random_record, setting_of
 
-from crane_model.cylinders import cylinder_forces_from_generalized, generalized_forces, lever_arms
-from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine
+from crane_model import (
+    ConfigurationError,
+    Machine,
+    Model,
+    Record,
+    generalized_forces,
+    lever_arms,
+    load_model,
+    simulate,
+)
+from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_model.record import PER_SAMPLE, Record
-from crane_model.simulation import simulate
+from crane_model.record import PER_SAMPLE
 from crane_model.terms import Setting
 
 ORDERS = list(permutations(PLANAR_JOINTS))[1:]

@@ -8,13 +8,8 @@ import pytest
 from laboratory_crane import JOINTS
 from unit.crane_model.pinocchio_crane import A_2, A_3, D_1, D_40, THETA_20, spatial_crane
 
-from crane_model.kinematics import (
-    forward_kinematics,
-    link_transforms,
-    tip_jacobian,
-    tip_position,
-)
-from crane_model.machine import Machine
+from crane_model import Machine, forward_kinematics, tip_jacobian, tip_position
+from crane_model.kinematics import link_transforms
 
 
 def random_coordinates(machine: Machine, count: int) -> np.ndarray:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crane_model import load_machine
 from crane_model.chain.body_regressor import (
     COS,
     FAR_ANGLE_RAD,
@@ -15,7 +16,6 @@ from crane_model.chain.body_regressor import (
     set_near_turn,
     set_turn,
 )
-from crane_model.machine import load_machine
 
 KUKA = Path(__file__).parents[2] / "machines" / "kuka_kr300.yaml"
 ROWS = MOVED + 1

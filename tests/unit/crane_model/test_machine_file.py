@@ -10,9 +10,8 @@ import pytest
 import yaml
 from laboratory_crane import JOINTS
 
+from crane_model import ConfigurationError, Machine, RangeError, load_machine
 from crane_model.configuration import save
-from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 
 LABORATORY = machine_file("machine.yaml")

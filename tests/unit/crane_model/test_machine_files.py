@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 import crane_machines
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, load_machine
 from crane_model.machine_files import machine_file
 
 

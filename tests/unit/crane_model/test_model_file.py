@@ -5,11 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crane_model import ConfigurationError, Machine, Model, Record, load_model, save_model
 from crane_model.configuration import save
-from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine
-from crane_model.model_file import Model, load_model, save_model
-from crane_model.record import Record
 from crane_model.terms.friction import Coulomb
 from crane_model.terms.single_axis import Offset
 

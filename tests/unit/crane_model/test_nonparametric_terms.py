@@ -9,9 +9,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import lfilter
 from unit.crane_model.test_term_registry import SETTING, example, random_record
 
-from crane_model.errors import ConfigurationError
-from crane_model.model_file import Model, load_model, save_model
-from crane_model.record import Record
+from crane_model import ConfigurationError, Model, Record, load_model, save_model
 from crane_model.terms import REGISTRY, NonparametricTerm, Setting, term_from_mapping
 from crane_model.terms.friction import PadFriction
 from crane_model.terms.nonparametric import (

@@ -7,10 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_model.errors import ConfigurationError
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
-from crane_model.simulation import simulate
+from crane_model import ConfigurationError, Model, Record, load_model, simulate
 from crane_model.terms import REGISTRY, Setting, candidates, load_terms, single_axis
 
 CODE = '''

@@ -5,6 +5,13 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
+from unit.crane_model.lagrangian import (
+    coriolis_matrix,
+    energy,
+    gravity_vector,
+    inverse_dynamics,
+    mass_matrix,
+)
 from unit.crane_model.pinocchio_crane import (
     dynamic_parameters,
     planar_crane,
@@ -12,18 +19,9 @@ from unit.crane_model.pinocchio_crane import (
     standard_from_pinocchio,
 )
 
+from crane_model import Model, Record
 from crane_model.base_parameters import lagrangian_from_standard
-from crane_model.dynamics import (
-    Geometry,
-    coriolis_matrix,
-    energy,
-    gravity_vector,
-    inverse_dynamics,
-    lagrangian_regressor,
-    mass_matrix,
-)
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_model.dynamics import Geometry, lagrangian_regressor
 
 TOLERANCE = 1e-9
 CRANES, STATES_EACH = 20, 500  # 10,000 states

@@ -7,8 +7,7 @@ Strokes and angles are those that the publication of the pins computes by formul
 import numpy as np
 import pytest
 
-from crane_model.kinematics import tip_position
-from crane_model.machine import Machine, load_machine
+from crane_model import Machine, load_machine, tip_position
 
 LBF = 4.4482  # N
 FOOT = 0.3048  # m

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from crane_model.errors import DataError
+from crane_model import DataError
 from crane_model.result_file import Number, NumberByJoint, ResultFile
 
 

@@ -5,10 +5,10 @@ import pytest
 from laboratory_crane import JOINTS
 from scipy.stats import chi2
 
+from crane_model import Machine
 from crane_model.configuration import load
-from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
-from crane_model.sensors import SensorChain
+from crane_model.sensors import SensorChain, in_counts
 
 SAMPLES = 20_000
 
@@ -36,7 +36,7 @@ def test_encoder_reads_the_nearest_count(
 ) -> None:
     step = sensors.encoder_resolution[joint]
     q = rng.uniform(-2.0, 2.0, SAMPLES)
-    read = sensors.measure_position(joint, q)
+    read = in_counts(q, sensors.counts([joint]))
     assert np.abs(read - q).max() <= step / 2 * (1 + 1e-9)
     assert len(np.unique(read)) > SAMPLES / 10
     np.testing.assert_allclose(read / step, np.round(read / step), atol=1e-6)
@@ -51,9 +51,9 @@ def test_all_encoders_at_once_read_like_each_alone(
     sensors: SensorChain, rng: np.random.Generator
 ) -> None:
     q = rng.uniform(-2.0, 2.0, (50, 4))
-    together = sensors.measure_positions(JOINTS, q)
+    together = in_counts(q, sensors.counts(JOINTS))
     for i, joint in enumerate(JOINTS):
-        np.testing.assert_array_equal(together[:, i], sensors.measure_position(joint, q[:, i]))
+        np.testing.assert_array_equal(together[:, i], in_counts(q[:, i], sensors.counts([joint])))
 
 
 def test_pressure_noise_and_quantisation(sensors: SensorChain, rng: np.random.Generator) -> None:

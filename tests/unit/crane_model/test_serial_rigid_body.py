@@ -6,17 +6,10 @@ import numpy as np
 import pytest
 from unit.crane_model.pinocchio_chain import random_bodies
 
+from crane_model import ConfigurationError, Machine, Model, Record, lever_arms, load_machine
 from crane_model.base_parameters import base_set, reveal_rank
 from crane_model.chain import body_regressor, dynamics
-from crane_model.cylinders import (
-    cylinder_forces_from_generalized,
-    generalized_from_actuators,
-    lever_arms,
-)
-from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine, load_machine
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_model.cylinders import cylinder_forces_from_generalized, generalized_from_actuators
 from crane_model.terms import Setting
 from crane_model.terms.drives import RotorInertia
 from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody, SerialRigidBody

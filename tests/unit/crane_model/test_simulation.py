@@ -8,6 +8,7 @@ import pytest
 from laboratory_crane import PLANAR_JOINTS
 from scipy.integrate import solve_ivp
 from unit.crane_model.changed_machine import with_actuator
+from unit.crane_model.lagrangian import energy
 from unit.crane_model.pinocchio_crane import (
     dynamic_parameters,
     planar_crane,
@@ -15,13 +16,10 @@ from unit.crane_model.pinocchio_crane import (
     standard_from_pinocchio,
 )
 
+from crane_model import Model, RangeError, Record, Simulation, lever_arms, simulate
 from crane_model.base_parameters import lagrangian_from_standard
-from crane_model.cylinders import cylinder_forces_from_generalized, lever_arms
-from crane_model.dynamics import Geometry, energy
-from crane_model.errors import RangeError
-from crane_model.model_file import Model
-from crane_model.record import Record
-from crane_model.simulation import Simulation, simulate
+from crane_model.cylinders import cylinder_forces_from_generalized
+from crane_model.dynamics import Geometry
 
 COULOMB = np.array([800.0, 300.0, 250.0])
 ASYMMETRY = np.array([50.0, -30.0, 40.0])

@@ -9,11 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from crane_model.errors import RangeError
+from crane_model import Model, RangeError, Record, simulate
 from crane_model.hydraulics.stepping import with_dry_friction
-from crane_model.model_file import Model
-from crane_model.record import Record
-from crane_model.simulation import simulate
 from crane_model.terms import REGISTRY, JointTerm, Parameter, friction, presliding, single_axis
 from crane_model.terms.term import Family, Setting
 

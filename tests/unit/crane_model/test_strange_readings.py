@@ -5,9 +5,7 @@ import pytest
 from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_term_registry import SETTING, random_record
 
-from crane_model.cylinders import generalized_forces
-from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine
+from crane_model import ConfigurationError, Machine, generalized_forces
 from crane_model.terms.sensing import (
     BentReading,
     CurvedReadingOfA,

@@ -6,13 +6,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from laboratory_crane import PLANAR_JOINTS
+from unit.crane_model.lagrangian import gravity_vector
 from unit.crane_model.pinocchio_crane import THETA_20, planar_crane, random_bodies, spatial_crane
 from unit.crane_model.test_term_registry import SETTING, random_record
 
-from crane_model.dynamics import Geometry, gravity_vector, lagrangian_regressor
-from crane_model.kinematics import tip_jacobian, tip_position
-from crane_model.machine import Machine
-from crane_model.record import Record
+from crane_model import Machine, Record, tip_jacobian, tip_position
+from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.terms.friction import WeightFriction
 from crane_model.terms.gravity_and_load import (
     AxisReach,

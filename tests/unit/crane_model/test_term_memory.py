@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from crane_model.model_file import Model
-from crane_model.record import Record
-from crane_model.simulation import simulate
+from crane_model import Model, Record, simulate
 from crane_model.terms import Setting
 from crane_model.terms.elasticity import BoomFlexibility, relative_acceleration, swung_along
 from crane_model.terms.friction import Coulomb

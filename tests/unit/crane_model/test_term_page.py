@@ -13,8 +13,8 @@ from unit.crane_model import test_term_registry
 from unit.crane_model.test_term_registry import SETTING, random_record, setting_of
 
 import crane_model
+from crane_model import load_model
 from crane_model.flow import FLOW_EFFECTS
-from crane_model.model_file import load_model
 from crane_model.terms import REGISTRY, Term, candidates, joints_of, load_terms, typical
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from laboratory_crane import JOINT_UNITS, PLANAR_JOINTS
 
+from crane_model import DataError, Record, load_machine
 from crane_model.actuators import actuator_from_mapping
 from crane_model.configuration import read_yaml
-from crane_model.errors import DataError
-from crane_model.machine import Coupling, load_machine
+from crane_model.machine import Coupling
 from crane_model.machine_files import machine_file
-from crane_model.record import Record
 from crane_model.terms import (
     REGISTRY,
     MemoryTerm,

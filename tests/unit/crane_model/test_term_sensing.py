@@ -7,10 +7,8 @@ import pytest
 from laboratory_crane import LINKAGES, PLANAR_JOINTS, with_linkage
 from unit.crane_model.test_term_registry import SETTING, random_record
 
-from crane_model.cylinders import generalized_forces, lever_arm
-from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine
-from crane_model.record import Record
+from crane_model import ConfigurationError, Machine, Record, generalized_forces
+from crane_model.cylinders import lever_arm
 from crane_model.terms import REGISTRY
 from crane_model.terms.drives import ActuatorInertia
 from crane_model.terms.force_scale import ForceScale, LinkageScale, PressureGain

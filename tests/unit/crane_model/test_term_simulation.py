@@ -5,12 +5,9 @@ import pytest
 from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_term_registry import CANDIDATES, OF_MOTORS, SETTING, example
 
-from crane_model.cylinders import cylinder_forces_from_generalized, generalized_forces
-from crane_model.machine import Machine
+from crane_model import Machine, Model, Record, generalized_forces, load_model, simulate
+from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
-from crane_model.simulation import simulate
 from crane_model.terms import MemoryTerm, Term
 
 PERIOD, STEPS = 0.004, 60

@@ -9,12 +9,9 @@ import pytest
 from laboratory_crane import JOINTS
 
 from crane_identification.estimation.prior import load_prior
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError, Machine, load_machine, load_model, tip_position
 from crane_model.inspection import poses
 from crane_model.inspection.machine_command import main
-from crane_model.kinematics import tip_position
-from crane_model.machine import Machine, load_machine
-from crane_model.model_file import load_model
 from crane_model.urdf import urdf
 from crane_model.urdf_reading import MISSING, bodies_from_urdf, machine_file_from_urdf
 

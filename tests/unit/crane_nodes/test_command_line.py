@@ -2,8 +2,8 @@
 
 import pytest
 
+from crane_nodes import Number, Numbers, Switch, Text
 from crane_nodes.managed import check_arguments, own_arguments
-from crane_nodes.parameters import Number, Numbers, Switch, Text
 
 PARAMETERS = (
     Text("model", "", "Model file"),

@@ -11,14 +11,8 @@ from std_srvs.srv import Trigger
 
 from crane_bags.types import DRIVER_STATE
 from crane_interfaces.msg import DriverState
-from crane_nodes import driver_client
-from crane_nodes.driver_client import (
-    LATCHED,
-    SERVICES,
-    STATE_TOPIC,
-    DriverClient,
-    NoDriverError,
-)
+from crane_nodes import DriverClient, NoDriverError, driver_client
+from crane_nodes.driver_client import LATCHED, SERVICES, STATE_TOPIC
 
 PATIENCE = 120.0  # s, bounds a failing test, be it in the idle class of the scheduler
 

@@ -8,6 +8,7 @@ import numpy as np
 from unit.crane_identification.hydraulics.valve_experiments import FITTED, MACHINE, truth
 
 from crane_benchmark.observing.machines import stock
+from crane_model import Model, load_model
 from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
@@ -16,10 +17,8 @@ from crane_model.hydraulics import (
     ValveValues,
 )
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_observer.recording import HeardRecording
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.closed_loop import SimulatedRecording
+from crane_observer import HeardRecording
+from crane_sim import SimulatedRecording, load_simulated_crane
 from crane_sim.true_values import true_parameters
 
 JOINTS = FITTED

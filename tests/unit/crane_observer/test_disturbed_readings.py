@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import known, recording
 
-from crane_observer.monitor.replay import Heed, SensorWatch
+from crane_observer import PositionEstimator, SensorWatch
+from crane_observer.monitor.replay import Heed
 from crane_observer.payload.estimator import PayloadCondition, PayloadEstimator
-from crane_observer.position.estimator import EstimatorCondition, PositionEstimator
+from crane_observer.position.estimator import EstimatorCondition
 
 FROM, UNTIL, END = 2100, 2500, 3500  # samples: all joints move
 OLD = 3.0  # s by which a late reading is late: longer than that lasts

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import known
 
+from crane_model import Model
 from crane_model.hydraulics import Measured
 from crane_model.hydraulics.simulation import circuit_of
 from crane_model.hydraulics.stepping import roots
-from crane_model.model_file import Model
 from crane_observer.position.flow import (
     FLOW_SUMS,
     SPOOL,

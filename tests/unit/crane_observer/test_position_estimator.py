@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from unit.crane_observer.observed import JOINTS, at_work, known, recording
 
-from crane_observer.position.estimator import EstimatorCondition, PositionEstimator
+from crane_observer import HeardRecording, PositionEstimator
+from crane_observer.position.estimator import EstimatorCondition
 from crane_observer.position.replay import EstimatedCourse, replay
-from crane_observer.recording import HeardRecording
 
 ALL = np.ones(3, dtype=bool)
 

@@ -5,10 +5,9 @@ import pytest
 from filterpy.kalman import KalmanFilter
 from unit.crane_model.test_hydraulics import crane
 
-from crane_model.cylinders import generalized_forces
+from crane_model import Record, generalized_forces
 from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.hydraulics.simulation import circuit_of
-from crane_model.record import Record
 from crane_model.terms.gravity_and_load import tip_mass
 from crane_observer.position.balance import LoadedMechanics
 from crane_observer.position.filter import Observability

@@ -8,7 +8,7 @@ import pytest
 from unit.crane_observer.observed import at_work, known, recording
 
 from crane_model.array import Array
-from crane_observer.position.estimator import PositionEstimator
+from crane_observer import PositionEstimator
 from crane_observer.position.replay import CHAPTER, EstimatedCourse, KnownLater, replay_smoothed
 from crane_observer.position.state import Gaussian, KeptGaussian
 

@@ -8,9 +8,9 @@ import pytest
 from unit.crane_observer.observed import JOINTS, MACHINE, known
 
 from crane_benchmark.observing.machines import PAYLOAD
-from crane_observer.position.estimator import EstimatorCondition, PositionEstimator, WindowEstimate
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.plant import Plant
+from crane_observer import PositionEstimator
+from crane_observer.position.estimator import EstimatorCondition, WindowEstimate
+from crane_sim import Plant, load_simulated_crane
 
 STEP = 0.005  # s
 READING = 1.2e4  # Pa, noise of a transducer

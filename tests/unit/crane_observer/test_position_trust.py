@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import JOINTS, known
 
-from crane_model.model_file import Model
+from crane_model import Model
 from crane_observer.position.balance import Known, Stroke, stroke_of
 from crane_observer.position.flow import FLOW_SUMS, SPOOL, Commands, add_interval, spools_of
 from crane_observer.position.state import FLOW_SHARES, UNEXPLAINED_OF_TRUST, FlowWindow, flow_share

@@ -7,12 +7,11 @@ import pytest
 from unit.crane_observer.observed import JOINTS, known, recording
 from unit.crane_observer.test_position_estimator import ALL, errors, rms
 
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError, Machine, Model
 from crane_model.hydraulics import HydraulicValues
-from crane_model.machine import Machine
-from crane_model.model_file import Model
+from crane_observer import PositionEstimator
 from crane_observer.position.balance import Known
-from crane_observer.position.estimator import EstimatorCondition, PositionEstimator
+from crane_observer.position.estimator import EstimatorCondition
 from crane_observer.position.filter import refuse_unserved, told_by_weight
 from crane_observer.position.flow import ASSUMED_VALVE
 from crane_observer.position.replay import replay

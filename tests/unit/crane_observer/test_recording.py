@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from crane_bags import BagWriter, typestore
 from crane_bags.reader import let_through
-from crane_bags.types import CYLINDER_PRESSURES, DRIVER_STATE, VALVE_COMMAND, typestore
-from crane_bags.writer import BagWriter
-from crane_model.errors import DataError
-from crane_observer.recording import HeardRecording, reached
+from crane_bags.types import CYLINDER_PRESSURES, DRIVER_STATE, VALVE_COMMAND
+from crane_model import DataError
+from crane_observer import HeardRecording
+from crane_observer.recording import reached
 
 
 def test_commands_are_neutral_while_the_driver_lets_none_through() -> None:

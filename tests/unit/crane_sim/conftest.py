@@ -2,10 +2,11 @@
 
 import pytest
 
-from crane_model.machine import Machine, load_machine
+from crane_model import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
-from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
+from crane_sim import SimulatedCrane, load_simulated_crane
+from crane_trajectory import load_trajectory
+from crane_trajectory.motion.periodic import PeriodicTrajectory
 
 
 @pytest.fixture(scope="session")

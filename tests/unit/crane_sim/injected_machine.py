@@ -4,15 +4,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.machine import Machine
+from crane_model import Machine
+from crane_sim import SimulatedCrane
 from crane_sim.effects.form import Injected, InjectedForm, packed
 from crane_sim.effects.kernel import FORMS, act, settle
 from crane_sim.parts.constants import Constants, Scratch, State, at_rest, pack, room
 from crane_sim.parts.cylinders import set_lengths_and_levers
-from crane_sim.parts.parameters import SimulatedCrane
-from crane_sim.parts.rigid_bodies import mass_and_bias
+from crane_sim.parts.rigid_bodies import Chain, mass_and_bias
 
 STEP = 2e-4  # s
+
+
+def inverse_dynamics(chain: Chain, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Generalized forces (j,) of (6) that give the acceleration a (j,) at q, v (j,)."""
+    mass, bias = np.empty((len(q), len(q))), np.empty(len(q))
+    mass_and_bias(chain, q, v, mass, bias)
+    return mass @ a + bias
 
 
 def effect_of(

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from crane_model import Machine, RangeError, load_machine
 from crane_model.cylinders import cylinder_length
-from crane_model.errors import RangeError
 from crane_model.kinematics import link_transforms
-from crane_model.machine import Machine, load_machine, parse_pose
+from crane_model.machine import parse_pose
+from crane_sim import SimulatedCrane
 from crane_sim.drawing.bodies import Pins, pins
 from crane_sim.drawing.scene import Scene
-from crane_sim.parts.parameters import SimulatedCrane
 
 JOINTS = load_machine().joint_names
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image, ImageChops
 
+from crane_bags import BagWriter
 from crane_bags.types import JOINT_REFERENCE, JOINT_STATES
-from crane_bags.writer import BagWriter
-from crane_model.errors import ConfigurationError, DataError
-from crane_model.machine import Machine
+from crane_model import ConfigurationError, DataError, Machine
 from crane_sim.drawing import film
 from crane_sim.drawing.film import LEFT, RIGHT, Shot, Strip, shot
 from crane_sim.drawing.scene import gl_context

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crane_model.machine_files import machine_file
+from crane_sim import SimulatedCrane, load_simulated_crane
 from crane_sim.parts.constants import pack_friction
 from crane_sim.parts.cylinders import lugre_force, step_lugre, step_set_valued
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 
 STEP = 1e-3
 

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lsim
 
+from crane_model import Machine
 from crane_model.hydraulics.stepping import transition
-from crane_model.machine import Machine
+from crane_sim import SimulatedCrane
 from crane_sim.parts.constants import pack
 from crane_sim.parts.cylinders import (
     Oil,
@@ -20,7 +21,7 @@ from crane_sim.parts.cylinders import (
     signed_root,
     spool_step,
 )
-from crane_sim.parts.parameters import Edges, SimulatedCrane
+from crane_sim.parts.parameters import Edges
 
 LAMINAR = 1e5
 drops = st.floats(-3e7, 3e7)

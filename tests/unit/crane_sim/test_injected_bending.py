@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from unit.crane_sim.injected_machine import STEP, Rig, effect_of, rig
 
-from crane_model.machine import Machine, load_machine
+from crane_model import Machine, load_machine
+from crane_sim import SimulatedCrane
 from crane_sim.effects.loads import BENDING_MODES
-from crane_sim.parts.parameters import SimulatedCrane
 from crane_sim.parts.rigid_bodies import Chain, beyond, mass_and_bias
 
 JOINTS = load_machine().joint_names

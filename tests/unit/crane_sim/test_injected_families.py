@@ -8,12 +8,12 @@ from unit.crane_sim.test_injected_friction import JOINT, SPEEDS, Q, added_fricti
 from unit.crane_sim.test_injected_loads import MOTIONS, asked, lagrange, slope
 from unit.crane_sim.test_injected_memory import led, line
 
+from crane_model import Machine
 from crane_model.cylinders import cylinder_length, lever_arm
 from crane_model.dynamics import Geometry, lagrangian_regressor
-from crane_model.machine import Machine
 from crane_model.terms.gravity_and_load import tip_mass
+from crane_sim import SimulatedCrane
 from crane_sim.effects.form import InjectedForm
-from crane_sim.parts.parameters import SimulatedCrane
 
 COLUMN = 2
 LIMITS = (-2.7, -0.1)  # rad, of the outer boom

@@ -5,11 +5,11 @@ import pytest
 from unit.crane_sim.injected_machine import effect_of, rig
 from unit.crane_sim.test_injected_sensing import TIME, A, B, fault, shown, spool
 
-from crane_model.machine import Machine
+from crane_model import Machine
+from crane_sim import SimulatedCrane
 from crane_sim.effects.flow import leak, softness
 from crane_sim.effects.sensing import drawn_flaws
 from crane_sim.parts.cylinders import opening
-from crane_sim.parts.parameters import SimulatedCrane
 
 JOINT, COLUMN = "outer_boom", 2
 

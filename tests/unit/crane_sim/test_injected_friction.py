@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from unit.crane_sim.injected_machine import Rig, effect_of, rig
 
+from crane_model import Machine, load_machine
 from crane_model.cylinders import lever_arm
-from crane_model.machine import Machine, load_machine
+from crane_sim import SimulatedCrane
 from crane_sim.effects.form import InjectedForm
-from crane_sim.parts.parameters import SimulatedCrane
 
 JOINTS = load_machine().joint_names
 

@@ -3,7 +3,8 @@
 import pytest
 from unit.crane_sim.injected_machine import rig
 
-from crane_model.machine import Machine
+from crane_model import Machine
+from crane_sim import SimulatedCrane
 from crane_sim.effects.flow import leak, meter, softness
 from crane_sim.effects.form import (
     END,
@@ -19,7 +20,6 @@ from crane_sim.effects.form import (
     Magnitude,
 )
 from crane_sim.effects.kernel import FORMS
-from crane_sim.parts.parameters import SimulatedCrane
 
 LAWS = [form for forms in FORMS.values() for form in forms if isinstance(form.law, int)]
 RANGES = (FRICTION, PUSHES, MEMORY, LOADS, FLOW, LEAKS, SOFTNESS)

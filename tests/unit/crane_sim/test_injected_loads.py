@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from unit.crane_sim.injected_machine import STEP, Rig, effect_of, rig
 
+from crane_model import Machine, tip_jacobian
 from crane_model.cylinders import cylinder_length
 from crane_model.dynamics import Geometry, lagrangian_regressor
-from crane_model.kinematics import tip_jacobian
-from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.terms.gravity_and_load import tip_mass
+from crane_sim import SimulatedCrane
 from crane_sim.calibration import Slewing, slewing
-from crane_sim.parts.parameters import Body, SimulatedCrane
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
+from crane_sim.parts.parameters import Body
+from crane_trajectory import load_clearance, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory
 
 POSES = np.array([[0.2, 0.4, -1.2, 0.7], [-0.5, 1.1, -2.2, 0.2], [0.0, -0.2, -0.4, 1.4]])

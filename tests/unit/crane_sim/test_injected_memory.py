@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from unit.crane_sim.injected_machine import STEP, Rig, effect_of, rig
 
-from crane_model.machine import Machine
+from crane_model import Machine
+from crane_sim import SimulatedCrane
 from crane_sim.effects.form import InjectedForm
-from crane_sim.parts.parameters import SimulatedCrane
 
 JOINT, COLUMN = "telescope", 3
 TRAVEL, SHARE = 4e-3, 0.6

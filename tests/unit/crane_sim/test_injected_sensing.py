@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from unit.crane_sim.injected_machine import Rig, effect_of, rig
 
-from crane_model.machine import Machine, load_machine
+from crane_model import Machine, load_machine
+from crane_sim import SimulatedCrane
 from crane_sim.effects.flow import leak, meter, note_softness, softness
 from crane_sim.effects.form import InjectedForm, SensorFault
 from crane_sim.effects.sensing import faults
 from crane_sim.parts.cylinders import opening
-from crane_sim.parts.parameters import SimulatedCrane
 
 JOINTS = load_machine().joint_names
 

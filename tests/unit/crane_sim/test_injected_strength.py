@@ -7,19 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from unit.crane_sim.injected_machine import effect_of
+from unit.crane_sim.injected_machine import effect_of, inverse_dynamics
 
-from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import Machine, load_machine
+from crane_model import ConfigurationError, Machine, RangeError, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.calibration import MAX_TRIES, UnmovedError, calibrate, draw, moved, reach
-from crane_sim.effects.forces import STANDSTILL_SPEED
+from crane_sim import InjectedEffect, Plant, Sensors, SimulatedCrane, Spec, calibrate, record
+from crane_sim.calibration import MAX_TRIES, UnmovedError, draw, moved, reach
+from crane_sim.effects.forces import SLIDING_SPEED
 from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
 from crane_sim.effects.sensing import faults
 from crane_sim.ground_truth import (
-    InjectedEffect,
-    Spec,
     check_place,
     clean_path,
     ground_truth,
@@ -27,11 +25,7 @@ from crane_sim.ground_truth import (
     write_ground_truth,
 )
 from crane_sim.parts.constants import pack_chain
-from crane_sim.parts.parameters import SimulatedCrane, column
-from crane_sim.parts.rigid_bodies import inverse_dynamics
-from crane_sim.plant.closed_loop import record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
+from crane_sim.parts.parameters import column
 from crane_trajectory.control.controller import Gains, load_gains
 from crane_trajectory.motion.motion import Reference
 
@@ -148,7 +142,7 @@ def test_forces_of_all_effects_close_the_balance(
         for motion in zip(clean.position, clean.velocity, clean.acceleration, strict=True)
     ]
     left = clean.seen_drive - (np.array(bodies) + coulomb + viscous + clean.force.sum(axis=0))
-    slides = (np.abs(clean.velocity) > STANDSTILL_SPEED)[:, 1:]
+    slides = (np.abs(clean.velocity) > SLIDING_SPEED)[:, 1:]
     drive = np.sqrt(np.mean(clean.seen_drive[:, 1:] ** 2, axis=0))
     for i, joint in enumerate(PLANAR_JOINTS):
         rest = left[slides[:, i], i + 1]

@@ -3,16 +3,13 @@
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.closed_loop import LatePlant, record
-from crane_sim.plant.sampled import Sensors
+from crane_sim import Sensors, load_simulated_crane, record
+from crane_sim.plant.closed_loop import LatePlant
+from crane_trajectory import load_clearance, load_trajectory, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
 
 JOINTS = load_machine().joint_names
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from crane_model.machine import load_machine
-from crane_sim.parts.parameters import load_simulated_crane
+from crane_model import load_machine
+from crane_sim import Plant, load_simulated_crane
 from crane_sim.plant.closed_loop import LatePlant, mean_delay
-from crane_sim.plant.plant import Plant
 
 MACHINE, SIMULATED = load_machine(), load_simulated_crane()
 CYCLE = 0.005  # s

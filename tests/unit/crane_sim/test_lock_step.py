@@ -7,9 +7,8 @@ from uuid import uuid4
 
 import pytest
 
-from crane_driver.can.bus import BusSettings
+from crane_driver import BusSettings, Link
 from crane_driver.can.frame import START_NS, STEP, TIME, Frame, step_frame, time_frame, told_time
-from crane_driver.can.link import Link
 from crane_sim import simulated_crane
 from crane_sim.simulated_crane import LockStep
 

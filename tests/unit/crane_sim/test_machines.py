@@ -9,35 +9,35 @@ import numpy as np
 import pytest
 import yaml
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec
+from crane_driver import DriverCodec, load_layout
 from crane_machines import shipped
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError, Machine, Record, load_machine, load_model, tip_position
 from crane_model.hydraulics import ChamberValues, JointHydraulics, ValveValues
-from crane_model.kinematics import tip_position
-from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
-from crane_model.record import Record
 from crane_nodes.joint_notes import load_joint_notes
+from crane_sim import (
+    InjectedEffect,
+    Plant,
+    Sensors,
+    SimulatedCrane,
+    Spec,
+    load_simulated_crane,
+    record,
+)
 from crane_sim.drawing.scene import Scene
 from crane_sim.effects.form import Where
 from crane_sim.effects.sensing import faults
-from crane_sim.ground_truth import InjectedEffect, Spec, check_joints, clean
+from crane_sim.ground_truth import check_joints, clean
 from crane_sim.machine_on_bus import MachineOnBus
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.mujoco_model import chain_positions, machine_spec
-from crane_sim.parts.parameters import SimulatedCrane, load_both, load_simulated_crane
+from crane_sim.parts.parameters import load_both
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_sim.plant.closed_loop import REST_S, record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
+from crane_sim.plant.closed_loop import REST_S
 from crane_sim.true_values import main as print_true_values
 from crane_sim.true_values import true_parameters
+from crane_trajectory import load_clearance, load_trajectory, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
 
 MACHINES = shipped()
 SLIDING = 5e-3  # rad/s, m/s; below it friction may hold with any force

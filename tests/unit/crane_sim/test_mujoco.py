@@ -5,14 +5,15 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 import pytest
+from unit.crane_sim.injected_machine import inverse_dynamics
 
+from crane_model import Machine, load_machine
 from crane_model.dynamics import Geometry, fill_base_regressor
 from crane_model.kinematics import link_transforms
-from crane_model.machine import Machine, load_machine
+from crane_sim import SimulatedCrane
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.mujoco_model import machine_spec
-from crane_sim.parts.parameters import SimulatedCrane
-from crane_sim.parts.rigid_bodies import inverse_dynamics, mass_and_bias
+from crane_sim.parts.rigid_bodies import mass_and_bias
 from crane_sim.true_values import true_parameters
 
 STATES = 1000

@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import Machine, load_machine
+from crane_model import ConfigurationError, Machine, RangeError, load_machine
 from crane_model.machine_files import machine_file
+from crane_sim import Plant, SimulatedCrane, load_simulated_crane
 from crane_sim.machine_on_bus import Operator
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
-from crane_sim.plant.plant import Plant
 
 JOINTS = load_machine().joint_names
 

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine, load_machine
+from crane_model import ConfigurationError, Machine, load_machine
+from crane_sim import SimulatedCrane
 from crane_sim.drawing import picture, view
 from crane_sim.drawing.picture import LIBRARIES, find_backend
 from crane_sim.drawing.scene import FINENESS, Scene, draw, gl_context, take_picture
-from crane_sim.parts.parameters import SimulatedCrane
-from crane_trajectory.motion.periodic import FourierTrajectory
+from crane_trajectory import FourierTrajectory
 
 JOINTS = load_machine().joint_names
 

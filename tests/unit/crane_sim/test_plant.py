@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from crane_model.errors import RangeError
-from crane_model.machine import Machine
+from crane_model import Machine, RangeError
+from crane_sim import Plant, SimulatedCrane
 from crane_sim.parts.constants import pack
-from crane_sim.parts.parameters import SimulatedCrane, column
+from crane_sim.parts.parameters import column
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_sim.plant.plant import Plant
 
 
 @pytest.fixture

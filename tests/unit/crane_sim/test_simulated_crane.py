@@ -8,18 +8,17 @@ import numpy as np
 import pytest
 from known_crane import known_model
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec, Readings
+from crane_driver import DriverCodec, load_layout
+from crane_driver.can.codec import Readings
 from crane_driver.can.frame import START_NS, STEP, TIME, Frame, step_frame, time_frame, told_time
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
+from crane_sim import Plant, Sensors, load_simulated_crane
 from crane_sim.machine_on_bus import COMMAND_TIMEOUT_S, MAX_STEP_S, MachineOnBus, ValveUnit
-from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.plant.closed_loop import IdentifiedPlant
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import MachineInMotion, Sensors
+from crane_sim.plant.sampled import MachineInMotion
 from crane_sim.sensor_faults import Faults
 from crane_sim.simulated_crane import MAX_BACKLOG_CYCLES, LockStep, PlantPace, main
 

@@ -5,18 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import Machine
+from crane_model import ConfigurationError, Machine, RangeError
 from crane_model.machine_files import machine_file
+from crane_sim import Plant, Sensors, SimulatedCrane, SimulatedRecording, record
 from crane_sim.machine_on_bus import Operator
-from crane_sim.parts.parameters import SimulatedCrane
-from crane_sim.plant.closed_loop import SimulatedRecording, record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
 from crane_sim.sensor_faults import KINDS, Faults, parse, parts_of
+from crane_trajectory import Motion, load_clearance, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory
 
 JOINT, COLUMN, FITTED = "outer_boom", 2, 1  # column of positions, of pressures

@@ -5,16 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_model.machine import Machine
-from crane_sim.parts.parameters import (
-    Edges,
-    SimulatedCrane,
-    column,
-    load_simulated_crane,
-    save_simulated_crane,
-    vary,
-    vary_valves,
-)
+from crane_model import Machine
+from crane_sim import SimulatedCrane, load_simulated_crane, save_simulated_crane
+from crane_sim.parts.parameters import Edges, column, vary, vary_valves
 
 
 def test_other_machines(simulated: SimulatedCrane, machine: Machine, tmp_path: Path) -> None:

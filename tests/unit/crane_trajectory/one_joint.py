@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.machine import Machine, load_machine
-from crane_model.model_file import Model
+from crane_model import Machine, Model, load_machine
 from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.single_axis import Gravity, Inertia
 from crane_model.terms.term import Setting

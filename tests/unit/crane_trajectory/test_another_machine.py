@@ -7,20 +7,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_model.errors import ConfigurationError, RangeError
-from crane_model.kinematics import tip_jacobian
-from crane_model.machine import Machine, load_machine
+from crane_model import (
+    ConfigurationError,
+    Machine,
+    RangeError,
+    load_machine,
+    load_model,
+    tip_jacobian,
+)
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
+from crane_trajectory import (
+    Experiment,
+    Outcome,
+    load_clearance,
+    load_design_settings,
+    load_trajectory,
+    plan,
+)
 from crane_trajectory.control.controller import Tuning, command, load_gains
 from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
-from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.excitation.search import ExcitationProblem
 from crane_trajectory.excitation.sweeps import design_sweeps
-from crane_trajectory.experiment import Experiment, Outcome
-from crane_trajectory.motion.check import TipClearance, draw, load_clearance, trajectory_violations
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.check import TipClearance, draw, trajectory_violations
 from crane_trajectory.trajectory_topics import TuningNumbers
 
 LOADER = Path(__file__).parents[2] / "machines" / "loader"

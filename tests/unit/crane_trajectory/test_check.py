@@ -8,20 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit.crane_model.changed_machine import with_actuator
 
+from crane_model import RangeError, load_machine
 from crane_model.cylinders import cylinder_length
-from crane_model.errors import RangeError
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_trajectory import Clearance, FourierTrajectory, load_clearance
 from crane_trajectory.motion.check import (
-    Clearance,
     TipClearance,
-    load_clearance,
     maxima,
     pump_flow,
     refuse,
     trajectory_violations,
 )
-from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries
+from crane_trajectory.motion.periodic import JointSeries
 
 MACHINE = load_machine()
 PLANAR_JOINTS = MACHINE.joint_names[1:]

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, RangeError, load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.control.controller import (
     GainFields,

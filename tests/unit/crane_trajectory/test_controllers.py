@@ -16,7 +16,7 @@ from unit.crane_trajectory.one_joint import (
     swing,
 )
 
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError, Model, Record, load_machine, load_model, save_model
 from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
@@ -24,10 +24,7 @@ from crane_model.hydraulics import (
     Measured,
     ValveValues,
 )
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model, save_model
-from crane_model.record import Record
 from crane_trajectory.control.choice import (
     MAY_LEARN,
     NAMES,

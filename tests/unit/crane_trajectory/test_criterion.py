@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from crane_model import ConfigurationError, Model, load_model
 from crane_model.base_parameters import report_from_base
 from crane_model.dynamics import Geometry
-from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
+from crane_trajectory import load_design_settings, load_trajectory
 from crane_trajectory.excitation.criterion import (
     ColumnSet,
     Criterion,
@@ -21,8 +21,6 @@ from crane_trajectory.excitation.criterion import (
     one_period,
     relative_std_devs,
 )
-from crane_trajectory.excitation.limits import load_design_settings
-from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(machine_file("model.yaml"))
 SETTINGS = load_design_settings(machine_file("design.yaml"))

@@ -6,11 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, Model, Record, load_machine, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
 from crane_model.terms import JointTerm, Parameter, Setting, Term
 from crane_model.terms.drives import RotorInertia
 from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry

@@ -4,15 +4,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from crane_model.machine import load_machine
+from crane_model import load_machine, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
+from crane_trajectory import load_clearance, load_design_settings, load_trajectory, plan
 from crane_trajectory.design import main
 from crane_trajectory.excitation.criterion import figures_of_merit
-from crane_trajectory.excitation.limits import load_design_settings
-from crane_trajectory.motion.check import load_clearance, trajectory_violations
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.check import trajectory_violations
 
 MACHINE = load_machine()
 JOINTS = MACHINE.joint_names

@@ -9,15 +9,15 @@ import pytest
 from scipy.optimize import lsq_linear
 from unit.crane_identification.synthetic import crane_model
 
+from crane_model import save_model
 from crane_model.cylinders import lever_arm
 from crane_model.machine_files import machine_file
-from crane_model.model_file import save_model
 from crane_model.result_file import OpenMember, OpenQuestion, OpenQuestions, QuestionKind
 from crane_model.terms import Term, term_from_mapping
 from crane_model.terms.friction import Coulomb
+from crane_trajectory import load_clearance, load_design_settings, load_trajectory, plan
 from crane_trajectory.design import main
 from crane_trajectory.excitation.discrimination import model_of, pairs_of
-from crane_trajectory.excitation.limits import load_design_settings
 from crane_trajectory.excitation.prediction import (
     Hypothesis,
     PlannedExperiment,
@@ -25,9 +25,7 @@ from crane_trajectory.excitation.prediction import (
     steady_pressures,
 )
 from crane_trajectory.excitation.sweeps import CourseDraws
-from crane_trajectory.motion.check import load_clearance, trajectory_violations
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.check import trajectory_violations
 
 MODEL = crane_model()
 MACHINE = MODEL.machine

@@ -6,13 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, Model, RangeError, load_machine, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Setting
+from crane_trajectory import (
+    Clearance,
+    FourierTrajectory,
+    load_clearance,
+    load_design_settings,
+    load_trajectory,
+)
 from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind, one_period
-from crane_trajectory.excitation.limits import Limit, load_design_settings
+from crane_trajectory.excitation.limits import Limit
 from crane_trajectory.excitation.search import (
     ExcitationProblem,
     campaign,
@@ -20,8 +25,7 @@ from crane_trajectory.excitation.search import (
     search,
     steps,
 )
-from crane_trajectory.motion.check import Clearance, TipClearance, load_clearance, pump_flow
-from crane_trajectory.motion.periodic import FourierTrajectory, load_trajectory
+from crane_trajectory.motion.check import TipClearance, pump_flow
 
 PLANAR_JOINTS = load_machine().joint_names[1:]
 MODEL = load_model(machine_file("model.yaml"))

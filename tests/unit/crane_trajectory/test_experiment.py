@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crane_interfaces.action import RunExcitation
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
+from crane_trajectory import Experiment, FourierTrajectory, Motion, Outcome, load_clearance, plan
 from crane_trajectory.control.controller import (
     BLEND,
     ControlCondition,
@@ -18,10 +19,9 @@ from crane_trajectory.control.controller import (
     Wanted,
     load_gains,
 )
-from crane_trajectory.experiment import RELEASE_TIME_S, Experiment, Outcome, PeriodicError, Stage
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import BRAKE_TIME, LONGEST_STEP, Motion, Phase, plan
-from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries
+from crane_trajectory.experiment import RELEASE_TIME_S, PeriodicError, Stage
+from crane_trajectory.motion.motion import BRAKE_TIME, LONGEST_STEP, Phase
+from crane_trajectory.motion.periodic import JointSeries
 
 JOINTS = load_machine().joint_names
 PERIOD = 0.01  # s

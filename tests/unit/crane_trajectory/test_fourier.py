@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from crane_model import ConfigurationError
 from crane_model.configuration import load, save
-from crane_model.errors import ConfigurationError
-from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries, load_trajectory
+from crane_trajectory import FourierTrajectory, load_trajectory
+from crane_trajectory.motion.periodic import JointSeries
 
 coefficient = st.floats(-1.0, 1.0, allow_subnormal=False)
 

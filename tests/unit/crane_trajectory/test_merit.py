@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from crane_model import Model, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
+from crane_trajectory import load_design_settings, load_trajectory
 from crane_trajectory.excitation.criterion import (
     ColumnSet,
     column_map,
@@ -15,8 +16,6 @@ from crane_trajectory.excitation.criterion import (
     one_period,
     relative_std_devs,
 )
-from crane_trajectory.excitation.limits import load_design_settings
-from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(machine_file("model.yaml"))
 TRAJECTORY = load_trajectory(machine_file("excitation_20s.yaml"))

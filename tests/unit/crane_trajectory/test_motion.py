@@ -7,25 +7,17 @@ from hypothesis import strategies as st
 from numba.core.event import install_recorder
 
 from crane_benchmark.cases.motions import Stretch
-from crane_model.errors import RangeError
-from crane_model.machine import load_machine
+from crane_model import RangeError, load_machine
 from crane_model.machine_files import machine_file
-from crane_trajectory.motion.check import load_clearance
+from crane_trajectory import FourierTrajectory, Motion, SweepTrajectory, load_clearance, plan
 from crane_trajectory.motion.motion import (
     APPROACH_SHARE,
     RUN_UP,
-    Motion,
     Phase,
     ReferenceClock,
     compile_reference,
-    plan,
 )
-from crane_trajectory.motion.periodic import (
-    FourierTrajectory,
-    JointCourse,
-    JointSeries,
-    SweepTrajectory,
-)
+from crane_trajectory.motion.periodic import JointCourse, JointSeries
 
 MACHINE = load_machine()
 JOINTS = MACHINE.joint_names

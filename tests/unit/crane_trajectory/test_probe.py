@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from unit.crane_trajectory.test_experiment import MOTION, TIMEOUT, TUNING, Crane
 
+from crane_trajectory import Experiment, Motion, Outcome, load_trajectory
 from crane_trajectory.design import main
-from crane_trajectory.experiment import Experiment, Outcome, Stage
-from crane_trajectory.motion.motion import Motion
-from crane_trajectory.motion.periodic import Probe, load_trajectory
+from crane_trajectory.experiment import Stage
+from crane_trajectory.motion.periodic import Probe
 
 SIZE = 0.02
 

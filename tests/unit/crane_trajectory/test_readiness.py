@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.control.controller import Tuning, load_gains
 from crane_trajectory.experiment import REST_TIME_S, Readiness

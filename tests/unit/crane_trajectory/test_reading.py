@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError
 from crane_model.machine_files import machine_file
-from crane_trajectory.motion.periodic import load_trajectory, read_apart
+from crane_trajectory import load_trajectory
+from crane_trajectory.motion.periodic import read_apart
 
 TRIES = 5
 SHIPPED = sorted(

@@ -5,15 +5,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from crane_model import ConfigurationError, RangeError, load_machine
 from crane_model.configuration import save
-from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_trajectory.excitation.limits import load_design_settings
+from crane_trajectory import (
+    Clearance,
+    SweepTrajectory,
+    load_clearance,
+    load_design_settings,
+    load_trajectory,
+    plan,
+)
 from crane_trajectory.excitation.sweeps import CORNER, design_sweeps
-from crane_trajectory.motion.check import Clearance, load_clearance, trajectory_violations
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import JointCourse, SweepTrajectory, load_trajectory
+from crane_trajectory.motion.check import trajectory_violations
+from crane_trajectory.motion.periodic import JointCourse
 
 MACHINE = load_machine()
 PLANAR_JOINTS = MACHINE.joint_names[1:]

@@ -10,7 +10,7 @@ from known_crane import known_model
 from unit.crane_trajectory.one_joint import DT, PERIOD, Boom, hydraulics, model
 from unit.crane_trajectory.test_flow_feedforward import controller, jump
 
-from crane_model.kinematics import tip_position
+from crane_model import tip_position
 from crane_trajectory.control.controller import SensorReading, Wanted
 from crane_trajectory.control.flow_feedforward import (
     LOAD_RATE,

@@ -8,13 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
-from crane_model.errors import ConfigurationError, RangeError
-from crane_model.kinematics import tip_position
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, RangeError, load_machine, tip_position
 from crane_model.machine_files import machine_file
-from crane_trajectory.motion.check import TipClearance, load_clearance, pump_flow
-from crane_trajectory.motion.motion import RUN_UP, Phase, plan
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory import load_clearance, load_trajectory, plan
+from crane_trajectory.motion.check import TipClearance, pump_flow
+from crane_trajectory.motion.motion import RUN_UP, Phase
 from crane_trajectory.motion.points import PointsTrajectory
 from crane_trajectory.motion.tip_path import Arc, StraightLine, plan_tip_path
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from crane_bags.types import DRIVER_STATE, typestore
+from crane_bags import typestore
+from crane_bags.types import DRIVER_STATE
+from crane_model import load_machine, tip_position
 from crane_model.inspection import placed_bars, poses
-from crane_model.kinematics import tip_position
-from crane_model.machine import load_machine
-from crane_viewer.scene import along_z, ground_arc, reached_places, round_bars, side_outline
+from crane_viewer import ground_arc, reached_places, side_outline
+from crane_viewer.scene import along_z, round_bars
 from crane_viewer.view import Diagnostics, driver_event, estimate_page, relative_deviations
 
 MACHINES = ("laboratory_crane", "double_telescope_crane", "excavator", "single_axis")

@@ -11,7 +11,8 @@ import yaml
 from laboratory_crane import JOINTS
 from rosbags.interfaces import Nodetype
 
-from crane_bags.types import JOINT_STATES, ROBOT_DESCRIPTION, TOPICS, typestore
+from crane_bags import TOPICS, typestore
+from crane_bags.types import JOINT_STATES, ROBOT_DESCRIPTION
 
 ROOT = Path(__file__).resolve().parents[3]
 FOLDER = ROOT / "src" / "crane_viewer" / "layouts"

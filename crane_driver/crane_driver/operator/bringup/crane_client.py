@@ -46,7 +46,7 @@ class CraneClient(Node):
         self.samples: list[JointInstant] = []
         self.pressures: list[dict[str, float]] = []
         self._received = -np.inf
-        self._trouble = ""
+        self.trouble = ""  # why the driver has stopped the crane
         self._refused: int | None = None  # commands, as the driver has told since it was enabled
         subscribe = self.create_subscription
         states = subscribe(JointState, "joint_states", self._joint_state, SAMPLES_DEPTH)
@@ -116,10 +116,6 @@ class CraneClient(Node):
                 self._executor.spin_until_future_complete(future, timeout_sec=1.0)
             self.destroy_publisher(publisher)
 
-    @property
-    def trouble(self) -> str:
-        return self._trouble
-
     def recover(self, drive: "NodeDrive") -> None:
         drive.enabled = False
         answer = self._answer(self._driver.reset_fault(), drive)
@@ -140,9 +136,9 @@ class CraneClient(Node):
         """Return whether a joint state later than `since` [s] has come."""
         return self._received > since
 
-    def await_state(self, since: float, seconds: float) -> None:
+    def await_state(self, since: float) -> None:
         """Take what comes until a joint state later than `since` [s], for a real time at most."""
-        end = time.monotonic() + seconds
+        end = time.monotonic() + LONGEST_SPIN_S
         while not self.seen(since) and (left := end - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
@@ -152,8 +148,8 @@ class CraneClient(Node):
             raise StoppedError(
                 f"no {self._states} for {age * 1e3:.0f} ms, limit {STATE_TIMEOUT_S * 1e3:.0f} ms"
             )
-        if self._trouble:
-            raise StoppedError(f"the driver has stopped the crane: {self._trouble}")
+        if self.trouble:
+            raise StoppedError(f"the driver has stopped the crane: {self.trouble}")
         if (count := self.count_publishers("valve_command")) > 1:
             raise MotionError(f"{count} publishers command the valves; stop the others")
 
@@ -164,7 +160,7 @@ class CraneClient(Node):
         if not answer.success:
             raise MotionError(f"the driver does not enable the crane: {answer.message}")
         drive.enabled = True
-        self._trouble, self._refused = "", None
+        self.trouble, self._refused = "", None
 
     def _wait(self, seconds: float) -> None:
         end = self.time.now() + seconds
@@ -210,9 +206,9 @@ class CraneClient(Node):
 
     def _told(self, state: DriverState) -> None:
         if state.state in (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP):
-            self._trouble = f"{state.cause}; {state.remedy}"
+            self.trouble = f"{state.cause}; {state.remedy}"
         if self._refused is not None and state.commands_refused > self._refused:
-            self._trouble = f"it refuses commands: {state.last_refusal}"
+            self.trouble = f"it refuses commands: {state.last_refusal}"
         self._refused = state.commands_refused
 
 
@@ -241,7 +237,7 @@ class NodeDrive:
         now = self._client.time.now
         if self._client.time.simulated:  # the crane waits for a command in each cycle
             while not self._client.seen(self._sent) and now() - self._sent < STATE_TIMEOUT_S:
-                self._client.await_state(self._sent, LONGEST_SPIN_S)
+                self._client.await_state(self._sent)
                 self._client.cycle(now())
         else:
             self._due = max(self._due + COMMAND_PERIOD_S, self._sent)
@@ -257,7 +253,7 @@ class NodeDrive:
         while now() < end and time.monotonic() < patience:
             self._publish(0.0)
             if self._client.time.simulated:
-                self._client.await_state(self._sent, LONGEST_SPIN_S)
+                self._client.await_state(self._sent)
             else:
                 self._client.spin(COMMAND_PERIOD_S)
 

@@ -179,7 +179,7 @@ def _fourier(
         ).evaluate(time)
         limits = machine.limits[joint]
         span = (1.0 - 2.0 * FREE_SHARE) * (limits.position_max - limits.position_min)
-        fastest = min(limits.velocity_max, -limits.velocity_min)
+        fastest = limits.slower_speed
         factor = size * min(span / np.ptp(shape.position), fastest / np.abs(shape.velocity).max())
         low, high = factor * shape.position.min(), factor * shape.position.max()
         free = FREE_SHARE * (limits.position_max - limits.position_min)
@@ -201,7 +201,7 @@ def _sweeps(
         up = rng.uniform(0.35, 0.65) * (period - dwells.sum())
         times = np.cumsum([0.0, up, dwells[0], period - dwells.sum() - up, dwells[1]])
         times[-1] = period
-        fastest = min(limits.velocity_max, -limits.velocity_min)
+        fastest = limits.slower_speed
         span = (1.0 - 2.0 * FREE_SHARE) * (limits.position_max - limits.position_min)
         way = size * min(span, fastest * min(up, times[3] - times[2]))
         free = FREE_SHARE * (limits.position_max - limits.position_min)

@@ -103,7 +103,6 @@ class IndependentPlant:
 
     @property
     def time(self) -> float:
-        """Since the machine was started [s]."""
         return float(self._state.clock[0])
 
     @property
@@ -113,22 +112,18 @@ class IndependentPlant:
 
     @property
     def v(self) -> np.ndarray:
-        """(j,) velocities [rad/s, m/s]."""
         return self._state.v.copy()
 
     @property
     def pressure_a(self) -> np.ndarray:
-        """(j,) pressures of chambers A [Pa]."""
         return self._state.pressure[:, 0].copy()
 
     @property
     def pressure_b(self) -> np.ndarray:
-        """(j,) pressures of chambers B [Pa]."""
         return self._state.pressure[:, 1].copy()
 
     @property
     def supply_pressure(self) -> float:
-        """Pressure of the supply line [Pa]."""
         return float(self._state.supply[0])
 
     @property

@@ -81,9 +81,8 @@ def weighed(
 
 def in_motion(machine: Machine, joints: tuple[str, ...], velocity: Array) -> Flags:
     """(n,) whether one of the `joints` moves, with velocity (n, j) of them [rad/s, m/s]."""
-    limits = [machine.limits[joint] for joint in joints]
-    fastest = np.array([min(-limit.velocity_min, limit.velocity_max) for limit in limits])
-    moving: Flags = np.logical_or.reduce(np.abs(velocity) > STANDING * fastest, axis=1)
+    slow = STANDING * machine.ranges(joints).slower_speed
+    moving: Flags = np.logical_or.reduce(np.abs(velocity) > slow, axis=1)
     return moving
 
 

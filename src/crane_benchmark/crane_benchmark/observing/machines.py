@@ -17,7 +17,7 @@ from crane_sim.effects.kernel import FORMS
 from crane_sim.effects.sensing import faults
 from crane_sim.ground_truth import InjectedEffect, Spec
 from crane_sim.parts.parameters import Edges, SimulatedCrane, load_simulated_crane
-from crane_sim.plant.closed_loop import REST_S, SimulatedRecording, Steps, record
+from crane_sim.plant.closed_loop import REST_S, SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_sim.sensor_faults import Faults
@@ -59,7 +59,6 @@ class WorkCycles:
         start: np.ndarray,
         duration: float,
         seed: int,
-        loaded: bool = True,
         hung: float = 0.0,
     ) -> "WorkCycles":
         """From the pose `start` (j,), for at least `duration` [s]; joints without pressure
@@ -68,12 +67,9 @@ class WorkCycles:
         """
         rng = np.random.default_rng([seed, 17])
         joints = machine.joint_names
-        limits = [machine.limits[joint] for joint in joints]
-        low = np.array([limit.position_min for limit in limits])
-        high = np.array([limit.position_max for limit in limits])
-        speed = np.array([min(-limit.velocity_min, limit.velocity_max) for limit in limits])
+        low, high, middle, speed, _ = machine.ranges()
         moving = np.array([machine.cylinders[joint].pressure_sensors for joint in joints])
-        middle, half = (low + high) / 2.0, REACHED * (high - low) / 2.0
+        half = REACHED * (high - low) / 2.0
         poses, begins, ends, loads, now, load = [start], [], [], [], 0.0, 0.0
         while now < duration:
             now += rng.uniform(*RESTS)
@@ -83,7 +79,7 @@ class WorkCycles:
             begins.append(now)
             now += max(LEAST_MOVE_S, float(needed.max()))
             ends.append(now)
-            if loaded and begins[1:] and rng.uniform() < 0.5:
+            if begins[1:] and rng.uniform() < 0.5:
                 load = 0.0 if load else float(rng.uniform(*CARRIED))
             loads.append(load)
             poses.append(target)
@@ -208,8 +204,6 @@ class Observed(NamedTuple):
         self,
         duration: float,
         seed: int,
-        loaded: bool = True,
-        progress: Steps = iter,
         failing: Sequence[str] = (),
         hung: float = 0.0,
     ) -> tuple[SimulatedRecording, np.ndarray]:
@@ -217,7 +211,7 @@ class Observed(NamedTuple):
         `failing`: faults as `crane_sim.sensor_faults.Faults` has them; `hung` as
         `WorkCycles.drawn` has it.
         """
-        cycles = WorkCycles.drawn(self.machine, self.simulated.start, duration, seed, loaded, hung)
+        cycles = WorkCycles.drawn(self.machine, self.simulated.start, duration, seed, hung)
         plant = LiftingPlant(self.simulated, self.machine, cycles, self.hidden)
         sensors = Sensors(
             self.simulated.sensors,
@@ -226,7 +220,7 @@ class Observed(NamedTuple):
             faults(self.hidden, self.machine),
             Faults(self.machine, failing, seed),
         )
-        recording = record(cycles, plant, sensors, self.gains, progress)
+        recording = record(cycles, plant, sensors, self.gains)
         return recording, cycles.load(recording.time - 1.0)
 
 

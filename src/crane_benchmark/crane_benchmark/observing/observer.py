@@ -222,12 +222,8 @@ class ObservedRecording(NamedTuple):
     def _sensor(
         self, recording: HeardRecording, hidden: np.ndarray, kind: Kind, off: float
     ) -> PositionEstimator:
-        limits = [self.observed.machine.limits[joint] for joint in self.model.joints]
-        start = np.clip(
-            recording.encoders[0] + np.where(hidden, off, 0.0),
-            [limit.position_min for limit in limits],
-            [limit.position_max for limit in limits],
-        )
+        low, high, *_ = self.observed.machine.ranges(self.model.joints)
+        start = np.clip(recording.encoders[0] + np.where(hidden, off, 0.0), low, high)
         return PositionEstimator(
             self.model, start, max(off, ENCODER_DEVIATION), kind.trust(self.model)
         )

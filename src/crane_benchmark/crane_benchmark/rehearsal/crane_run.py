@@ -58,7 +58,6 @@ class CraneRun:
         return values
 
     def summary(self) -> Summary:
-        """Result of `identify`."""
         return Summary.read(self.folder / "summary.json")
 
     @property

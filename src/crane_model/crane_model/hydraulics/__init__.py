@@ -140,7 +140,6 @@ class JointHydraulics(Schema):
 
     @property
     def values(self) -> dict[str, Measured]:
-        """All of them, by name."""
         return self.valve.by_name | (self.chambers.by_name if self.chambers else {})
 
 

@@ -351,9 +351,7 @@ class IdentifiedSimulation:
         names = "natural_frequency", "damping_ratio", "hysteresis", "dead_band_a", "dead_band_b"
         values = [[getattr(valve, name).value for valve in valves] for name in names]
         self._frequency, self._damping, self._play, *self._dead_bands = np.array(values)
-        limits = [machine.limits[joint] for joint in model.joints]
-        self._low = np.array([limit.position_min for limit in limits])
-        self._high = np.array([limit.position_max for limit in limits])
+        self._low, self._high, *_ = machine.ranges(model.joints)
         self._state = self._at_rest(np.array(position, dtype=float))
         self._sense = np.sign(self._mechanics.cylinder(self.position)[..., 1])
         self._memory = self._mechanics.memory(_begin(self._state))

@@ -103,10 +103,8 @@ def findings(machine: Machine) -> list[str]:
 
 def poses(machine: Machine) -> np.ndarray:
     """(3, j): all joints at their lower limits, in the middle, and at their upper limits."""
-    limits = [machine.limits[joint] for joint in machine.joint_names]
-    low = np.array([limit.position_min for limit in limits])
-    high = np.array([limit.position_max for limit in limits])
-    return np.stack([low, (low + high) / 2.0, high])
+    low, high, middle, *_ = machine.ranges()
+    return np.stack([low, middle, high])
 
 
 def reached(machine: Machine, count: int = 20_000) -> np.ndarray:
@@ -124,7 +122,7 @@ def _of_units(machine: Machine) -> Iterator[str]:
         turns, span = machine.units[joint] == "rad", limits.position_max - limits.position_min
         if turns and span > MAX_TURN_RAD:
             yield f"joint '{joint}': limits span {span:.3g} rad; are they in degrees?"
-        if max(-limits.velocity_min, limits.velocity_max) > MAX_JOINT_SPEED:
+        if limits.top_speed > MAX_JOINT_SPEED:
             unit = machine.units[joint]
             yield (
                 f"joint '{joint}': velocity up to {limits.velocity_max:.3g} {unit}/s; is it in "

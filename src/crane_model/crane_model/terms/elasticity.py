@@ -103,8 +103,7 @@ class Bend(NamedTuple):
     def of(cls, machine: Machine, joint: str, frequency: float, damping: float) -> "Bend":
         """A spring of this `frequency` [Hz] and share of critical `damping` at mid-range."""
         dh = machine.as_planar()
-        limits = [machine.limits[name] for name in dh.joints]
-        middle = np.array([(row.position_min + row.position_max) / 2.0 for row in limits])
+        middle = machine.ranges(dh.joints).middle
         geometry = (
             *(dh.theta_2_0, dh.inner_boom_length, dh.telescope_offset, dh.telescope_length),
             machine.gravity,

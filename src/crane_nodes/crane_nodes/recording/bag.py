@@ -131,7 +131,6 @@ class FileSummary:
     count: int = 0
 
     def add(self, log_time: int) -> None:
-        """Count a message received at `log_time` [ns]."""
         self.start = min(self.start, log_time)
         self.end = max(self.end, log_time)
         self.count += 1

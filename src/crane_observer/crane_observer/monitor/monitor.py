@@ -57,7 +57,6 @@ class SensorsAlone:
         self._looked = -np.inf
 
     def take_block(self) -> FlowBlock | None:
-        """None ever."""
         return None
 
     def command(self, stamp: float, command: Array) -> None:
@@ -126,7 +125,6 @@ class SensorComparison:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: sensors were repaired."""
         channels = 2 * len(self.physics.joints) + 1
         self._blocks = Blocks(self.physics)
         self._history = History(self._trim)
@@ -197,7 +195,6 @@ class SensorComparison:
         return found
 
     def _judged(self, block: FlowBlock) -> list[SensorFinding]:
-        """Whose fault the alarm is."""
         alarmed, self._waiting = self._alarmed.copy(), None
         self._alarmed[:] = False
         if not alarmed.any():

@@ -243,7 +243,6 @@ class ReadingWatch:
 
     @property
     def noisy_now(self) -> Flags:
-        """(s,) see `ReadingHabits`."""
         return self._of_all("noisy_now")
 
     @property
@@ -252,7 +251,6 @@ class ReadingWatch:
         return self._of_all("repeated")
 
     def found(self, time: float) -> list[SensorFinding]:
-        """Findings by now [s]."""
         stuck, noisy = self._of_all("stuck"), self._of_all("noisy")
         found = self._jumped(time)
         for k, (part, _) in enumerate(self.sensors):

@@ -109,7 +109,6 @@ class PayloadEstimatorNode(ObserverNode):
         self._estimator = None
 
     def take(self, stamp: int, topic: HeardTopic, message: Heard) -> None:
-        """What follows for the load."""
         assert self._estimator is not None
         joints, estimator, seconds = self._model.joints, self._estimator, self.seconds(stamp)
         self._heed(estimator)
@@ -129,7 +128,6 @@ class PayloadEstimatorNode(ObserverNode):
                     self._tell(payload)
 
     def report(self, status: DiagnosticStatus) -> None:
-        """Load and condition."""
         if self._payload is None or self.clock.now() - self._estimated > PAYLOAD_SILENCE:
             status.level, status.message = DiagnosticStatus.WARN, PayloadCondition.WAITING.value
             return

@@ -237,7 +237,6 @@ class PositionEstimatorNode(ObserverNode):
         self._estimates.publish(estimate_message(joints, told, stamp))
 
     def report(self, status: DiagnosticStatus) -> None:
-        """Condition, and what is not observable."""
         told, estimator = self._told, self._hearing.estimator if self._hearing else None
         if told is None or estimator is None or self.clock.now() - self._pressed > POSITION_SILENCE:
             status.level, status.message = DiagnosticStatus.WARN, EstimatorCondition.WAITING.value

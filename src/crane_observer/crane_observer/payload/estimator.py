@@ -228,9 +228,7 @@ class PayloadEstimator:
         self._flow = FlowCheck(model) if model.hydraulics and not shared else None
         self._wrong_since = np.full(joints, np.inf)  # s, of an encoder that was found faulty
         self._wrong_pressures = np.zeros(joints, dtype=bool)
-        limits = [self.machine.limits[joint] for joint in model.joints]
-        fastest = np.array([min(-limit.velocity_min, limit.velocity_max) for limit in limits])
-        self._standing = STANDING * fastest
+        self._standing = STANDING * self.machine.ranges(model.joints).slower_speed
         self.pressures, self.encoders = HeldReadings(2 * joints), HeldReadings(joints)
         self.estimates = HeldReadings(3 * joints)
         self._end, self._estimated_until, self._compared = np.nan, np.nan, -np.inf
@@ -240,7 +238,6 @@ class PayloadEstimator:
 
     @property
     def machine(self) -> Machine:
-        """The machine of the model."""
         return self._mechanics.machine
 
     @property

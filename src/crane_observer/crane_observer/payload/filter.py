@@ -274,7 +274,6 @@ class LoadFilter:
         return slice(begin, begin + self.joints)
 
     def copy(self) -> Self:
-        """As it is now."""
         copied = copy(self)
         copied.x, copied.P, copied._held = self.x.copy(), self.P.copy(), self._held.copy()
         return copied

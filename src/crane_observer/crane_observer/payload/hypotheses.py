@@ -66,7 +66,6 @@ class LoadCandidate:
 
     @property
     def load(self) -> TipLoad:
-        """What it says."""
         return load_of(self.filter.x, self.filter.P)
 
     @property
@@ -165,7 +164,6 @@ class LoadHypothesis:
         return self.evidence + candidate.before + candidate.likelihood - candidate.seldom
 
     def tare(self) -> None:
-        """See `LoadFilter`."""
         self.filter.tare()
         self._candidates = []
 
@@ -213,7 +211,6 @@ class LoadHypotheses:
 
     @property
     def believed(self) -> LoadHypothesis:
-        """The hypothesis that is believed."""
         return self._hypotheses[0]
 
     @property
@@ -223,12 +220,10 @@ class LoadHypotheses:
         return mean_load(loads, [hypothesis.likelihood for hypothesis in self._hypotheses])
 
     def tare(self) -> None:
-        """See `LoadFilter`."""
         for hypothesis in self._hypotheses:
             hypothesis.tare()
 
     def forget(self) -> None:
-        """See `LoadHypothesis`."""
         self._hypotheses = [self.believed]
         self.believed.forget()
 
@@ -245,7 +240,6 @@ class LoadHypotheses:
         return changed
 
     def _forks(self) -> list[LoadHypothesis]:
-        """New hypotheses."""
         known = [hypothesis.same for hypothesis in self._hypotheses]
         likelihoods = sorted((known.likelihood for known in self._hypotheses), reverse=True)
         least = max([likelihoods[0] - PLAUSIBLE, *likelihoods[MOST_HYPOTHESES - 1 :]])

@@ -150,15 +150,15 @@ class Known:
         """`ConfigurationError` names what the model lacks."""
         model, assumed = Served.of(model)
         mechanics = LoadedMechanics.of(model)
-        limits = [mechanics.machine.limits[joint] for joint in model.joints]
+        ranges = mechanics.machine.ranges(model.joints)
         trust, flow = trust or Trust.of(model), flow_share(model)
         return cls(
             mechanics,
             circuit_of(model),
             StateLayout.of(len(model.joints)),
-            np.array([limit.position_min for limit in limits]),
-            np.array([limit.position_max for limit in limits]),
-            np.array([min(-limit.velocity_min, limit.velocity_max) for limit in limits]),
+            ranges.low,
+            ranges.high,
+            ranges.slower_speed,
             resolution,
             trust,
             flow,

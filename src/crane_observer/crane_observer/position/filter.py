@@ -113,7 +113,6 @@ class Filter:
         return self.state.x[self.known.layout.position]
 
     def copied(self) -> Self:
-        """As it stands, to go back to."""
         copied = copy(self)
         copied.state = self.state.copied()
         copied._resting, copied._surprise = copy(self._resting), copy(self._surprise)
@@ -297,7 +296,6 @@ class Hypotheses:
         return TEMPERED * np.array([hypothesis.likelihood for hypothesis in self.filters])
 
     def copied(self) -> Self:
-        """As they stand, to go back to."""
         copied = copy(self)
         copied.filters = [hypothesis.copied() for hypothesis in self.filters]
         return copied

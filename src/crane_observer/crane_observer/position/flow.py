@@ -88,7 +88,7 @@ def _assumed(machine: Machine, joint: str) -> JointHydraulics:
     valve, chambers = ASSUMED_VALVE, cylinder.chambers
     q = np.linspace(limits.position_min, limits.position_max, 21)
     lever = float(np.median(np.abs(lever_arm(machine, joint, q))))
-    fastest = valve.oversized * lever * min(-limits.velocity_min, limits.velocity_max)
+    fastest = valve.oversized * lever * limits.slower_speed
     area = (cylinder.area_a + cylinder.area_b) / 2.0
     gain = fastest * area / np.sqrt(machine.hydraulics.supply_pressure / 2.0)
     swept = chambers.empty_b - chambers.empty_a
@@ -156,7 +156,7 @@ def spools_of(model: Model) -> Spools:
     rows = []
     for joint in model.joints:
         limits, valve = machine.limits[joint], known.joints[joint].valve
-        middle = np.array([(limits.position_min + limits.position_max) / 2.0])
+        middle = np.array([limits.middle])
         sense = np.sign(lever_arm(machine, joint, middle)[0])
         rows.append(
             (sense, valve.delay, valve.spool_frequency, valve.damping_ratio.value,

@@ -246,7 +246,6 @@ class Gaussian:
         self.x, self.P, self.estimated = x, P, estimated
 
     def copied(self) -> Self:
-        """As it stands, to go back to."""
         copied = copy(self)
         copied.x, copied.P = self.x.copy(), self.P.copy()
         return copied

@@ -66,10 +66,8 @@ def shot(bag: Path, machine: Machine, begin: float, length: float, rate: float) 
                 if not np.isfinite(q).all()]  # fmt: skip
         raise DataError(f"{bag}: {', '.join(lost)} was not measured; film a bag in which it was")
     # a reading may lie beyond the limits, by its noise; the linkages are drawn within them
-    limits = [machine.limits[joint] for joint in machine.joint_names]
-    drawn = position.clip(
-        [limit.position_min for limit in limits], [limit.position_max for limit in limits]
-    )
+    low, high, *_ = machine.ranges()
+    drawn = position.clip(low, high)
     reference = np.full_like(position, np.nan)
     if told := read.get(reference_topic.name):
         reference = _at(time, told, start, machine)

@@ -156,7 +156,6 @@ def raised(angle: float) -> tuple[float, float, float, float]:
 
 
 def _surround(spec: mujoco.MjSpec) -> None:
-    """Ground, sky and light."""
     builtin, texture = mujoco.mjtBuiltin, mujoco.mjtTexture
     spec.add_texture(
         name="sky",

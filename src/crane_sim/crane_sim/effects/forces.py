@@ -142,7 +142,7 @@ PUSH_FORMS = (
     PIN_PLAY, BUSH_PLAY, TWO_PINS, RELAXING, LEVELS, SLACKENING,
 ) = range(MEMORY, MEMORY + 12)  # fmt: skip
 
-STANDSTILL_SPEED = 2e-3  # rad/s, m/s; (13) holds with any force, no deviation from it shows
+SLIDING_SPEED = 2e-3  # rad/s, m/s; (13) holds with any force, no deviation from it shows
 BLOCK_SHARES = ((0.1, 0.15), (0.35, 0.25), (0.65, 0.3), (1.0, 0.3))  # travel and force, as shares
 GRADES = 6  # blocks, evenly spread over the travel
 SOFT_EXPONENT = 4.0  # exponent of a block that slips by and by

@@ -20,7 +20,7 @@ from crane_sim.parts.rigid_bodies import Chain, beyond, carried, dot, place, vec
     NEIGHBOUR_SLOW,
 ) = range(FRICTION, FRICTION + 27)  # fmt: skip
 
-STANDSTILL_SPEED = 1e-5  # rad/s, m/s; bristles never stand quite still
+BRISTLE_SPEED = 1e-5  # rad/s, m/s; bristles never stand quite still
 LIP_PRESSURE_PA = 5e6  # where the lip seal rubs as much as one of constant friction coefficient
 FRONT_PAD_M = 1.1  # from the joint before
 MIN_OVERLAP_M = 0.4  # between the pads of a telescope that is all out
@@ -164,7 +164,7 @@ def _breakaway(
     memory: time at rest, share at breakaway, travel since.
     """
     time, share, travelled = memory[0], memory[1], memory[2]
-    if abs(v) < STANDSTILL_SPEED:
+    if abs(v) < BRISTLE_SPEED:
         memory[0], memory[2] = time + step, 0.0
         rest = memory[0] / growth
         if law == KATO:

@@ -88,7 +88,7 @@ def _resist(injected: Injected, k: int, state: State, scratch: Scratch, step: fl
         force = share * (up if share >= 0.0 else down)
         scratch.force[i] -= force
         sliding = up if v > 0.0 else -down
-        return force - sliding if abs(v) > forces.STANDSTILL_SPEED else 0.0
+        return force - sliding if abs(v) > forces.SLIDING_SPEED else 0.0
     scratch.force[i] -= force
     return force
 

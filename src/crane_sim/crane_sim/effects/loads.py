@@ -413,7 +413,6 @@ def _spring(injected: Injected, k: int, mode: int) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _count(law: int) -> int:
-    """Modes of a law."""
     if law == TWO_MODES:
         return 2
     if law in (ONE_MODE, PROGRESSIVE_BEND):

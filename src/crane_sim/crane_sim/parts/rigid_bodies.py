@@ -238,10 +238,3 @@ def _turn_about(axis: Vector, angle: float, before: np.ndarray, after: np.ndarra
         turned = add_cross(scaled(c, column), scaled(s, axis), column)
         turned = summed(turned, scaled((1.0 - c) * dot(axis, column), axis))
         after[0, b], after[1, b], after[2, b] = turned
-
-
-def inverse_dynamics(chain: Chain, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Generalized forces (j,) of (6) that give the acceleration a (j,) at q, v (j,)."""
-    mass, bias = np.empty((len(q), len(q))), np.empty(len(q))
-    mass_and_bias(chain, q, v, mass, bias)
-    return mass @ a + bias

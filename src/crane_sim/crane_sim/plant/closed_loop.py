@@ -309,17 +309,14 @@ class IdentifiedPlant:
         )
 
     def advance(self, command: np.ndarray, duration: float) -> None:
-        """As `MachineInMotion` has it."""
         self._identified.advance(np.asarray(command)[np.newaxis, self._columns], duration)
 
     def leak(self, passed: np.ndarray) -> None:
-        """As `MachineInMotion` has it: none can."""
         if passed.any():
             raise RangeError("the pistons of an identified crane leak as its model says, not more")
 
     @property
     def q(self) -> np.ndarray:
-        """(j,) rad, m."""
         now = self._q.copy()
         now[self._columns] = self._identified.position[0]
         return now
@@ -336,7 +333,6 @@ class IdentifiedPlant:
 
     @property
     def supply_pressure(self) -> float:
-        """Pa."""
         return float(self._identified.pressures.supply[0])
 
     def _pressures(self, of_the_model: np.ndarray) -> np.ndarray:

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 import yaml
 
-from crane_driver.can.binding import load_layout
+from crane_driver import load_layout
 from crane_driver.can.layout import Layout
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 Signal = tuple[str, str, str]  # name, layout and scale as in SG_, unit

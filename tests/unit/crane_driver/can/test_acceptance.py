@@ -2,10 +2,9 @@
 
 import pytest
 
-from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver import DriverCodec, Fault, FaultKind, MachineCodec
 from crane_driver.can.health import Acceptance
 from crane_driver.can.layout import Layout
-from crane_driver.faults import Fault, FaultKind
 
 CYCLE, TIMEOUT = 0.005, 0.1  # s
 

@@ -12,7 +12,7 @@ from crane_driver.can.bus_log import BusLog, Clock
 from crane_driver.can.frame import Frame
 from crane_driver.can.log_formats import open_log
 from crane_driver.decode import main
-from crane_model.errors import DataError
+from crane_model import DataError
 
 DATE = "Tue Jul 1 03:04:05.250 pm 2025"
 START = datetime(2025, 7, 1, 15, 4, 5, 250_000, UTC)

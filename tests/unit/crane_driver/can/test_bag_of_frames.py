@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from crane_driver.can.log_formats import open_log
 from crane_driver.decode import main
 from crane_identification.check_recording import main as check_recording
-from crane_model.errors import DataError
+from crane_model import DataError
 
 START = 1_700_000_000_000_000_000  # ns
 HEADER = "std_msgs/Header header\nuint32 id\n"

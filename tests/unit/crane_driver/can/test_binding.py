@@ -10,10 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec, MachineCodec
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_driver import DriverCodec, MachineCodec, load_layout
+from crane_model import ConfigurationError, load_machine
 
 WriteDbc = Callable[..., Path]
 WriteMapping = Callable[[dict[str, Any]], Path]

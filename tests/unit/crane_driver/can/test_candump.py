@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from crane_driver.can.bus_log import Clock
 from crane_driver.can.frame import Frame
 from crane_driver.can.log_formats import CandumpLog, open_log
-from crane_model.errors import DataError
+from crane_model import DataError
 
 
 def read(tmp_path: Path, text: str, channel: str | None = None) -> tuple[CandumpLog, list[Frame]]:

@@ -6,14 +6,13 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from unit.crane_driver.driven import disowned
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec, MachineCodec, frame_crc
+from crane_driver import DriverCodec, FaultKind, MachineCodec, load_layout
+from crane_driver.can.codec import frame_crc
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
-from crane_driver.faults import FaultKind
-from crane_model.errors import RangeError
-from crane_model.machine import load_machine
+from crane_model import RangeError, load_machine
 from crane_model.machine_files import machine_file
 
 JOINTS = load_machine().joint_names
@@ -171,9 +170,8 @@ def test_a_reading_out_of_range_is_no_measurement(crane: Layout) -> None:
 
 
 def test_a_reading_that_its_sensor_disowns_is_no_measurement(crane: Layout) -> None:
-    machine = MachineCodec(crane)
-    frame = machine.reading_frame("PressureBooms", AT_REST, UNDER_LOAD, {}, {"outer_boom.a"})
-    readings = DriverCodec(crane).decode(frame)
+    frame = MachineCodec(crane).reading_frame("PressureBooms", AT_REST, UNDER_LOAD, {})
+    readings = DriverCodec(crane).decode(disowned(frame, ("outer_boom.a",), crane))
     assert readings is not None
     assert readings.pressures.keys() == {"inner_boom.a", "inner_boom.b", "outer_boom.b"}
     (fault,) = readings.faults

@@ -7,7 +7,7 @@ import pytest
 
 from crane_driver.can.codec import SignalBits
 from crane_driver.can.dbc import by_group_alone, load_dbc
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError
 
 J1939 = """
 BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";

@@ -10,9 +10,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
-from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver import DriverCodec, MachineCodec
 from crane_driver.can.frame import Frame, show_id
 from crane_driver.can.layout import Layout
 from crane_driver.decode import main

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver import DriverCodec, Fault, FaultKind, MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
-from crane_driver.faults import UNUSABLE, Fault, FaultKind
+from crane_driver.faults import UNUSABLE
 
 START = 100.0  # s, steady
 CYCLE = 0.005

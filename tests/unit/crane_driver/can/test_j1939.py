@@ -8,15 +8,14 @@ import numpy as np
 import polars as pl
 import pytest
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec, Readings
+from crane_driver import DriverCodec, FaultKind, load_layout
+from crane_driver.can.codec import Readings
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import ForeignCommands
 from crane_driver.decode import main
-from crane_driver.faults import FaultKind
-from crane_model.machine import load_machine
+from crane_model import load_machine
 
 WriteDbc = Callable[..., Path]
 WriteMapping = Callable[[dict[str, Any]], Path]

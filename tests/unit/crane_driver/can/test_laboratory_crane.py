@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver import DriverCodec, MachineCodec
 from crane_driver.can.dbc import Dbc, load_dbc
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
+from crane_model import load_machine
 from crane_model.configuration import load
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_model.sensors import SensorChain
+from crane_model.sensors import SensorChain, in_counts
 
 JOINTS = load_machine().joint_names
 
@@ -51,15 +51,12 @@ def test_what_sensors_measure_passes_the_bus_unchanged(crane: Layout, sensors: S
     limits = load_machine().limits
     machine, driver = MachineCodec(crane), DriverCodec(crane)
     for _ in range(50):
-        positions = {
-            joint: float(
-                sensors.measure_position(
-                    joint,
-                    random.uniform(limits[joint].position_min, limits[joint].position_max),
-                )
-            )
-            for joint in JOINTS
-        }
+        low, high = (
+            [getattr(limits[joint], end) for joint in JOINTS]
+            for end in ("position_min", "position_max")
+        )
+        shown = in_counts(random.uniform(low, high), sensors.counts(JOINTS))
+        positions = dict(zip(JOINTS, shown.tolist(), strict=True))
         true = random.uniform(0.0, sensors.pressure_range, len(crane.pressures))
         measured = sensors.measure_pressure(random, true)
         pressures = dict(zip(crane.pressures, measured.tolist(), strict=True))

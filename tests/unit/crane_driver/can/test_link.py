@@ -12,10 +12,9 @@ from collections.abc import Callable, Iterator
 import can
 import pytest
 
-from crane_driver.can.bus import BusError, BusSettings, BusState, open_bus
+from crane_driver import BusSettings, FaultKind, Link
+from crane_driver.can.bus import BusError, BusState, open_bus
 from crane_driver.can.frame import Frame
-from crane_driver.can.link import Link
-from crane_driver.faults import FaultKind
 
 PATIENCE = 120.0  # s, in the idle class of the scheduler
 

@@ -9,12 +9,11 @@ from pathlib import Path
 import can
 import pytest
 
+from crane_driver import BusSettings, FaultKind, Link
 from crane_driver.can import bus as bus_module
 from crane_driver.can import link as link_module
-from crane_driver.can.bus import BusError, BusSettings, BusState, state_of_error_frame
+from crane_driver.can.bus import BusError, BusState, state_of_error_frame
 from crane_driver.can.frame import Frame
-from crane_driver.can.link import Link
-from crane_driver.faults import FaultKind
 
 PATIENCE = 120.0  # s, in the idle class of the scheduler
 DATA = can.Message(arbitration_id=0x120, data=b"12", is_extended_id=False)

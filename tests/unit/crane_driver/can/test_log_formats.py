@@ -13,7 +13,7 @@ import pytest
 from crane_driver.can.bus_log import Clock
 from crane_driver.can.log_formats import open_log
 from crane_driver.decode import main
-from crane_model.errors import DataError
+from crane_model import DataError
 
 START = 1_700_000_000.0  # s
 FRAMES = [

@@ -10,8 +10,9 @@ import msgpack
 import pytest
 from can.interfaces.udp_multicast import UdpMulticastBus
 
+from crane_driver import BusSettings
 from crane_driver.can import bus as bus_module
-from crane_driver.can.bus import BusSettings, EchoFreeMulticastBus, open_bus
+from crane_driver.can.bus import EchoFreeMulticastBus, open_bus
 
 GROUP = "239.74.163.2"
 IP_RECVTTL = 12  # linux/in.h

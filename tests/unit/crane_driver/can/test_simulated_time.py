@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.can.bus import BusSettings, check_private
+from crane_driver import BusSettings
+from crane_driver.can.bus import check_private
 from crane_driver.can.frame import (
     STEP,
     TIME,
@@ -13,7 +14,7 @@ from crane_driver.can.frame import (
     time_frame,
     told_time,
 )
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError
 
 
 @given(st.integers(0, 2**64 - 1))

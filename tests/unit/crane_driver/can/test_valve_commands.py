@@ -12,19 +12,17 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver import DriverCodec, MachineCodec, load_layout, load_safety
 from crane_driver.can.frame import Frame, show_id
 from crane_driver.can.health import HeardCommands
 from crane_driver.can.layout import Layout
 from crane_driver.decode import main
 from crane_driver.driver_loop import DriverLoop
-from crane_driver.safety.commands import RefusedError, load_safety
+from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.supervisor import SafetyState
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, load_machine
 from crane_model.machine_files import machine_file
 
 Write = Callable[..., Path]

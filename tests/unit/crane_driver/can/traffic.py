@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_driver import load_layout
 from crane_driver.can.assembly import Assembly
-from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import Readings
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 CRANE = load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))

@@ -6,13 +6,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from crane_driver.can.binding import load_layout
+from crane_driver import Fault, FaultKind, load_layout
 from crane_driver.can.canopen import START_RETRY_S, Devices, NodeState
 from crane_driver.can.frame import Frame
 from crane_driver.can.mapping import Device
-from crane_driver.faults import Fault, FaultKind
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, load_machine
 from crane_model.machine_files import machine_file
 
 BOOTED, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F

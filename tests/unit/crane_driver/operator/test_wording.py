@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 
-from crane_driver.faults import Fault, FaultKind
+from crane_driver import Fault, FaultKind
 from crane_driver.operator import by_hand
 from crane_driver.operator.jog.jog_input import CONTROLS, REQUESTS
 from crane_driver.operator.panel.crane_watch import BUTTONS, plain

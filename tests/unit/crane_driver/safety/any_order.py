@@ -14,7 +14,7 @@ from unit.crane_driver.safety.supervised import (
     Bench,
 )
 
-from crane_driver.faults import Fault, FaultKind
+from crane_driver import Fault, FaultKind
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.plausibility import JointEstimate
 from crane_driver.safety.supervisor import LETTING_THROUGH, SafetyState

@@ -2,10 +2,9 @@
 
 import math
 
-from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.commands import load_safety
+from crane_driver import Fault, FaultKind, load_safety
 from crane_driver.safety.supervisor import Output, Supervisor
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 JOINTS = load_machine().joint_names

@@ -3,7 +3,7 @@
 import pytest
 from unit.crane_driver.safety.supervised import CYCLE, SAFETY, Bench
 
-from crane_driver.faults import FaultKind
+from crane_driver import FaultKind
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.plausibility import FaultyEncoders
 from crane_driver.safety.supervisor import SafetyState

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from crane_driver.safety.commands import JointLimiter, load_safety
-from crane_driver.velocity_filter import VelocityFilter
-from crane_model.machine import load_machine
+from crane_driver import VelocityFilter, load_safety
+from crane_driver.safety.commands import JointLimiter
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.plant import Plant
+from crane_model.sensors import in_counts
+from crane_sim import Plant, load_simulated_crane
 
 JOINTS = load_machine().joint_names
 MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())
@@ -121,7 +121,7 @@ def driven(
     for _ in range(cycles):
         plant.advance(u, CYCLE)
         position, velocity, _ = velocity_filter.update(
-            plant.time, chain.measure_positions(JOINTS, plant.q)
+            plant.time, in_counts(plant.q, chain.counts(JOINTS))
         )
         told.append((position[i], velocity[i]))
         known = told[-1 - late]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from unit.crane_driver.safety.supervised import CYCLE, MACHINE, SAFETY
 
-from crane_driver.faults import Fault, FaultKind
+from crane_driver import Fault, FaultKind
 from crane_driver.safety.plausibility import PositionWatch, believed
 
 STEP = 1e-4  # rad, of the encoder

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
+from crane_driver import FaultKind
 from crane_driver.driver_loop import StallWatch
-from crane_driver.faults import FaultKind
 from crane_nodes.this_computer import ProcessorTime, ThreadClock
 
 LIMIT = 0.05  # s

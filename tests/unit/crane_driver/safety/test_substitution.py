@@ -14,11 +14,11 @@ from unit.crane_driver.safety.supervised import (
     Bench,
 )
 
-from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.commands import LIMIT_MARGIN, RefusedError, load_safety
+from crane_driver import Fault, FaultKind, load_safety
+from crane_driver.safety.commands import LIMIT_MARGIN, RefusedError
 from crane_driver.safety.plausibility import CAUTION_SIGMAS, JointEstimate
 from crane_driver.safety.supervisor import SafetyState
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError
 from crane_model.machine_files import machine_file
 
 SUBSTITUTED = "inner_boom"

@@ -15,11 +15,10 @@ from unit.crane_driver.safety.supervised import (
     Bench,
 )
 
-from crane_driver.faults import Fault, FaultKind
+from crane_driver import Fault, FaultKind
 from crane_driver.safety.commands import RefusedError, check_valves
 from crane_driver.safety.supervisor import TRANSITIONS, Event, Level, LogEntry, Output, SafetyState
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, load_machine
 
 JOINTS = load_machine().joint_names
 

@@ -14,19 +14,18 @@ from unit.crane_identification.hydraulics.valve_experiments import (
     truth,
 )
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
 from crane_identification.hydraulics.balance import passages
 from crane_identification.hydraulics.joint_estimate import (
     identify_hydraulics,
     identify_joint,
     identify_motion,
 )
-from crane_model.errors import DataError
+from crane_model import DataError, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
+from crane_sim import SimulatedCrane, load_simulated_crane
 from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
 
 WIDTH = 0.01
 TOLERANCE = {"lag": 5e-4, "hysteresis": 3e-4}  # absolute; of the others relative:

@@ -3,20 +3,16 @@
 import numpy as np
 import pytest
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
 from crane_identification.hydraulics.joint_estimate import ASSUMED_MODULUS, identify_hydraulics
+from crane_model import Model
 from crane_model.hydraulics import JointHydraulics
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model
 from crane_model.terms.term import Setting
+from crane_sim import Plant, Sensors, SimulatedRecording, record
 from crane_sim.parts.parameters import load_both
-from crane_sim.plant.closed_loop import SimulatedRecording, record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
+from crane_trajectory import load_clearance, load_trajectory, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
 
 NAME, SWING, BOOM = "excavator", "swing", "boom"
 MACHINE, STAND_IN = load_both(NAME, None)

@@ -9,10 +9,9 @@ import yaml
 from crane_driver.operator.bringup.estimates import Trace, average, fit_dead_band
 from crane_driver.operator.bringup.results import DeadBands, Result
 from crane_identification.hydraulics.joint_estimate import with_ramps
+from crane_model import DataError, load_machine
 from crane_model.cylinders import lever_arm
-from crane_model.errors import DataError
 from crane_model.hydraulics import HydraulicValues
-from crane_model.machine import load_machine
 
 SLEW, BOOM = "slew", "inner_boom"
 FORTH, BACK, LAG = (0.11, 0.5), (0.13, 0.4), 0.06  # dead band and gain [rad/s]; s

@@ -12,8 +12,8 @@ from crane_identification.hydraulics.joint_estimate import (
     early_spool,
 )
 from crane_identification.hydraulics.projection import BalanceFit
+from crane_model import load_machine
 from crane_model.hydraulics import Measured
-from crane_model.machine import load_machine
 
 MARGIN, TANK, STEP_S = 2.0e6, 0.3e6, 0.02
 MACHINE = load_machine("field_excavator")

@@ -4,21 +4,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crane_identification.data.log import Log, Signal
-from crane_model.machine import load_machine
+from crane_identification import Log, Signal
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
+from crane_sim import (
+    Plant,
+    Sensors,
+    SimulatedCrane,
+    SimulatedRecording,
+    load_simulated_crane,
+    record,
+)
 from crane_sim.calibration import SLEW, Slewing
 from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
-from crane_sim.plant.closed_loop import LatePlant, SimulatedRecording, record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
+from crane_sim.plant.closed_loop import LatePlant
 from crane_sim.true_values import hydraulics_of
+from crane_trajectory import load_clearance, load_trajectory, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import Probe, load_trajectory
+from crane_trajectory.motion.periodic import Probe
 
 MACHINE = load_machine()
 FITTED = tuple(j for j in MACHINE.joint_names if MACHINE.cylinders[j].pressure_sensors)
@@ -78,7 +82,6 @@ def log_of(recording: SimulatedRecording, live: bool = False) -> Log:
         tank_pressure=signal(pressures.tank, "/cylinder_pressures"),
         command=signal(recording.command[:, COLUMNS], "/valve_command", logged),
         slew_position=signal(recording.position[:, SLEW], "/joint_states"),
-        slew_command=signal(recording.command[:, SLEW], "/valve_command", logged),
         reference_position=signal(reference.position[:, COLUMNS], "/joint_reference"),
     )
 

@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
+from crane_model import Machine, Model, Record, load_model
 from crane_model.cylinders import cylinder_forces_from_generalized
-from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
 
 START = 1_700_000_000_000_000_000  # ns
 RATE = 200.0  # Hz

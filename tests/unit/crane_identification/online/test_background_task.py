@@ -4,7 +4,7 @@ import time
 import pytest
 
 from crane_identification.online.replay import BackgroundTask
-from crane_model.errors import CraneError, DataError
+from crane_model import CraneError, DataError
 from crane_model.progress_bar import Progress
 
 

@@ -16,15 +16,13 @@ from unit.crane_identification.online.online_crane import (
 )
 from unit.crane_identification.synthetic import AXIS_THETA, axis_log, axis_model
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.regression import Rows
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
 from crane_identification.online.replay import recursion, replay
-from crane_model.cylinders import generalized_forces
-from crane_model.errors import ConfigurationError, DataError
+from crane_model import ConfigurationError, DataError, generalized_forces, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 
 JOINTS = ("inner_boom", "outer_boom", "telescope")
 

@@ -8,10 +8,10 @@ from std_msgs.msg import Float64MultiArray
 from unit.crane_identification.online.online_crane import START, crane, record_log
 
 from crane_bags.clocks import NANOSECONDS
-from crane_identification.data.column_map import ColumnMap
+from crane_identification import ColumnMap
 from crane_identification.online.estimator import OnlineEstimator
 from crane_identification.online.topics import Listener, mapped_listeners
-from crane_model.errors import CraneError
+from crane_model import CraneError
 
 STATES, ARRAY, PRESSURE = (
     "sensor_msgs/msg/JointState",

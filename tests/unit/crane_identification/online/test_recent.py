@@ -7,7 +7,7 @@ from unit.crane_identification.recording_check.corruption import chambers
 from unit.crane_identification.recording_check.recorded import recorded
 
 from crane_bags.clocks import TimeBack
-from crane_identification.data.log import Log
+from crane_identification import Log
 from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
 from crane_identification.online.recent import (
     CHECK_PERIOD_S,
@@ -16,9 +16,8 @@ from crane_identification.online.recent import (
     Recent,
     Watched,
 )
-from crane_model.machine import load_machine
+from crane_model import load_machine, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 
 TELESCOPE = 2
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
 
 PRESSURES = ("pressure_a", "pressure_b")
 CHAMBERS = (*PRESSURES, "supply_pressure", "tank_pressure")

@@ -5,20 +5,23 @@ from collections.abc import Sequence
 import numpy as np
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 
-from crane_identification.data.log import Log, Signal
-from crane_model.machine import Machine, load_machine
+from crane_identification import Log, Signal
+from crane_model import Machine, load_machine
 from crane_model.machine_files import machine_file
+from crane_sim import (
+    Plant,
+    Sensors,
+    SimulatedCrane,
+    SimulatedRecording,
+    load_simulated_crane,
+    record,
+)
 from crane_sim.calibration import slewing
 from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.sensing import faults
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
-from crane_sim.plant.closed_loop import Course, SimulatedRecording, record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
+from crane_sim.plant.closed_loop import Course
+from crane_trajectory import load_clearance, load_trajectory, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
 
 
 def packaged_motion(

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from unit.crane_identification.recording_check.corruption import column, each
 
+from crane_identification import Log, Signal
 from crane_identification.check_recording import main, parser
-from crane_identification.data.log import Log, Signal
 from crane_identification.recording_check.check import check
 from crane_identification.recording_check.suspicion import RecordingVerdict
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
+from crane_model import Model, Record, load_model
 
 MODEL = Path(__file__).parents[3] / "machines" / "kuka_kr300_model.yaml"
 MIDDLE = np.array([0.0, 0.3, -1.3, 0.0, 0.0, 0.0])  # rad, within the limits of each axis

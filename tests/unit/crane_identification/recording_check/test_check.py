@@ -22,13 +22,11 @@ from unit.crane_identification.recording_check.corruption import (
 from unit.crane_identification.recording_check.recorded import recorded
 
 from crane_bags.clocks import SetBack
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
 from crane_identification.notation import spoken
 from crane_identification.recording_check.check import check, vetted
 from crane_identification.recording_check.suspicion import RecordingVerdict
-from crane_model.cylinders import generalized_forces
-from crane_model.errors import DataError
-from crane_model.machine import Machine, load_machine
+from crane_model import DataError, Machine, generalized_forces, load_machine
 
 INNER, OUTER, TELESCOPE = range(3)
 JOINTS = ("inner boom", "outer boom", "telescope")

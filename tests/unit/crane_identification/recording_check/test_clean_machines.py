@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from unit.crane_identification.recording_check.recorded import packaged_motion, recorded
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
 from crane_identification.recording_check.check import check
 from crane_identification.recording_check.forces import crane
-from crane_model.machine import Machine, load_machine
+from crane_model import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.calibration import calibrate
-from crane_sim.ground_truth import InjectedEffect, Spec
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane, vary
+from crane_sim import InjectedEffect, SimulatedCrane, Spec, calibrate, load_simulated_crane
+from crane_sim.parts.parameters import vary
 from crane_trajectory.control.controller import load_gains
 
 DYNAMIC = machine_file("simulated_crane_dynamic_friction.yaml")

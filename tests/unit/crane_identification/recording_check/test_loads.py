@@ -8,24 +8,17 @@ import pytest
 from known_crane import known_model
 
 from crane_benchmark.observing.machines import PAYLOAD, stock
-from crane_identification.data.log import Log
-from crane_identification.data.recording_log import read_bag
-from crane_identification.options import Options
-from crane_identification.preparation.prepare import Session
+from crane_identification import Log, Options, Session, read_bag
 from crane_identification.recording_check.loads import (
     APART,
     loads_in_words,
     payload_parts,
     split_by_load,
 )
-from crane_model.errors import DataError
+from crane_model import DataError, Model, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_sim.make_bag import make
-from crane_sim.plant.plant import Plant
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_sim import Plant, make
+from crane_trajectory import load_clearance, load_trajectory, plan
 
 COMES, MASS = 52.0, 60.0  # s of the recording, kg
 NEVER, ALWAYS = 1e9, -1e9

@@ -3,9 +3,7 @@
 import pytest
 from unit.crane_identification.report.synthetic_crane import TRUE_VALUES, crane_model, record_crane
 
-from crane_identification.data.log import Log
-from crane_identification.fitting import FitResult, fit
-from crane_identification.options import Options
+from crane_identification import FitResult, Log, Options, fit
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.findings import findings

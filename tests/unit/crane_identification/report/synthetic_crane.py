@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
+from crane_model import Model, Record, load_machine, load_model
 from crane_model.cylinders import cylinder_forces_from_generalized
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
 
 RATE = 100.0  # Hz
 TRUE_VALUES = dict(

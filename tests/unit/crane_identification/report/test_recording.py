@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from unit.crane_identification.report.synthetic_crane import RATE, crane_model
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
 from crane_identification.report.content import left_out, recorded
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.routes import ButterworthDifferentiator
-from crane_model.cylinders import generalized_forces
+from crane_model import generalized_forces
 
 BANDWIDTH = np.full(3, 3.0)
 

@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 from unit.crane_identification.report.html_reader import Element, figure_descriptions, read_html
 
-from crane_identification.data.log import Log, Signal
-from crane_identification.fitting import fit
-from crane_identification.options import Options
+from crane_identification import Log, Options, Signal, fit
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.validation.force_validation import compare
-from crane_model.model_file import Model
+from crane_model import Model
 from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.single_axis import Inertia, Offset
 from crane_model.terms.term import Setting

@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 
 from crane_identification.scale.cluster import fit_on_cluster
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 
 
 @pytest.mark.parametrize(

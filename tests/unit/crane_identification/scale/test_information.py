@@ -1,18 +1,13 @@
 """Information matrices hold what the rows hold, add up, and find dependent columns."""
 
-import tracemalloc
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 from unit.crane_identification.online.online_crane import crane, motion
 
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.regression import Rows, balancing, solve_weighted
-from crane_identification.scale.summed import BLOCK_SAMPLES, Information
-from crane_model.errors import DataError
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_identification.scale.summed import Information
+from crane_model import DataError, Model, Record
 
 SCALES = np.array([40.0, 15.0, 25.0])  # of the noise
 
@@ -56,19 +51,11 @@ def test_estimate_is_that_of_the_rows() -> None:
     np.testing.assert_allclose(information.rms(found.values), residual, rtol=1e-9)
 
 
-def test_records_are_the_rows_of_their_samples() -> None:
-    """Over more than one block, whole records and parts."""
-    record = measured(BLOCK_SAMPLES + 700)
-    found = Information.of_records(crane(), [record])
-    expected = Information.of(rows_of(crane(), record))
-    np.testing.assert_allclose(found.matrix, expected.matrix, rtol=1e-9, atol=1e-6)
-    assert found.rows.tolist() == expected.rows.tolist()
-
-
 def test_it_adds_up() -> None:
     first, second = measured(500), measured(800, start=30.0, seed=2)
-    apart = Information.of_records(crane(), [first]) + Information.of_records(crane(), [second])
-    together = Information.of_records(crane(), [first, second])
+    parts = [rows_of(crane(), record) for record in (first, second)]
+    apart = Information.of(parts[0]) + Information.of(parts[1])
+    together = Information.of(Rows.stack(parts))
     np.testing.assert_allclose(apart.matrix, together.matrix, rtol=1e-12)
     assert apart.rows.tolist() == [1300] * 3
 
@@ -83,30 +70,10 @@ def test_dependent_columns_are_found() -> None:
     assert np.isinf(found.condition)
 
 
-def test_memory_does_not_grow_with_the_samples() -> None:
-    def peak(records: int) -> int:
-        def stream() -> Iterator[Record]:
-            for _ in range(records):
-                yield measured(2 * BLOCK_SAMPLES)
-
-        tracemalloc.start()
-        Information.of_records(crane(), stream())
-        size = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return size
-
-    peak(1)
-    assert peak(6) < 1.2 * peak(2)
-
-
 def test_what_does_not_belong_together_is_refused() -> None:
-    record = measured(100)
-    of_crane = Information.of_records(crane(), [record])
+    of_crane = Information.of(rows_of(crane(), measured(100)))
     renamed = Information(
         of_crane.joints, of_crane.names[::-1], of_crane.units, of_crane.matrix, of_crane.rows
     )
     with pytest.raises(DataError, match="different models"):
         of_crane + renamed
-    without = Record(record.joints, record.time, *motion(record.time))
-    with pytest.raises(DataError, match="no measured force"):
-        Information.of_records(crane(), [without])

@@ -7,13 +7,9 @@ import numpy as np
 import pytest
 from unit.crane_identification.synthetic import AXIS_MODEL, AXIS_THETA, axis_log, axis_model
 
-from crane_identification import identify
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.recording_log import read_recording
-from crane_identification.fitting import fit
-from crane_identification.options import Estimator, Options
+from crane_identification import ColumnMap, Estimator, Options, fit, identify, read_recording
 from crane_identification.scale.summed import fit_streamed
-from crane_model.model_file import load_model
+from crane_model import load_model
 
 MAP = """
 time: {column: t, unit: s}

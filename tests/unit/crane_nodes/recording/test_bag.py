@@ -10,10 +10,10 @@ from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import JOINT_STATES, ROBOT_DESCRIPTION
 from crane_bags.writer import offered_qos
-from crane_model.errors import DataError
+from crane_model import DataError
 from crane_nodes.recording.bag import RecordedBag, RecordedTopic, Split, installed_definition
 
 Recorder = Callable[..., Path]

@@ -7,7 +7,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from crane_interfaces.msg import ValveCommand
-from crane_model.errors import DataError
+from crane_model import DataError
 from crane_nodes.recording.bag import hash_of, installed_definition, message_class
 
 

@@ -8,16 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from crane_bags import Topic, typestore
 from crane_bags.storage import open_bag
-from crane_bags.types import (
-    JOINT_STATES,
-    ROBOT_DESCRIPTION,
-    VALVE_COMMAND,
-    Topic,
-    typestore,
-)
+from crane_bags.types import JOINT_STATES, ROBOT_DESCRIPTION, VALVE_COMMAND
 from crane_bags.writer import offered_qos
-from crane_model.errors import DataError
+from crane_model import DataError
 from crane_nodes.recording.bag import RecordedBag, RecordedTopic, installed_definition
 from crane_nodes.recording.player_node import PlaybackPace, Selection, schedule, select
 

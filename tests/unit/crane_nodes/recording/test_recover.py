@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import Reader, StoragePlugin
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import JOINT_STATES
-from crane_model.errors import DataError
+from crane_model import DataError
 from crane_nodes.recording.bag import RecordedTopic, Split
 from crane_nodes.recording.recover import Salvage, main, recover
 

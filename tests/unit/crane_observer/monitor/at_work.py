@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crane_model import Model, load_machine
 from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
@@ -13,11 +14,9 @@ from crane_model.hydraulics import (
     SupplyValues,
     ValveValues,
 )
-from crane_model.machine import load_machine
-from crane_model.model_file import Model
-from crane_observer.monitor.replay import SensorWatch
+from crane_observer import SensorWatch
 from crane_observer.monitor.tolerance import Tolerance
-from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim import SimulatedCrane
 
 ONSET = 14.0  # s, when all joints move
 REFINED = 2.2  # s after which kind and size of a finding have been looked at again

@@ -5,26 +5,19 @@ from dataclasses import replace
 import pytest
 from unit.crane_observer.monitor.at_work import Heard, as_built
 
-from crane_model.machine import load_machine
+from crane_model import Model, load_machine, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_observer.monitor.replay import SensorWatch
+from crane_observer import SensorWatch, learn
 from crane_observer.monitor.tolerance import (
     TOLERANCE_FIELDS,
     JointTolerance,
     Tolerance,
-    learn,
     of_block,
     summed,
 )
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.closed_loop import record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
+from crane_sim import Plant, Sensors, load_simulated_crane, record
+from crane_trajectory import load_clearance, load_trajectory, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
 
 
 @pytest.fixture(scope="module")

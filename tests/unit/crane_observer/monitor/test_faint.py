@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import brentq
 from unit.crane_observer.monitor.at_work import Heard
 
+from crane_model import Model
 from crane_model.hydraulics.simulation import circuit_of
 from crane_model.hydraulics.stepping import chamber_flows, roots
-from crane_model.model_file import Model
+from crane_observer import Part
 from crane_observer.monitor.blocks import error_of_drop
-from crane_observer.monitor.finding import Part
 from crane_observer.monitor.tolerance import Tolerance
 
 TELESCOPE = 2  # of the joints of the model

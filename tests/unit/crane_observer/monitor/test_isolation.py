@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from unit.crane_observer.monitor.at_work import ONSET, Heard, changed
 
-from crane_model.model_file import Model
-from crane_observer.monitor.finding import SUPPLY, Part, RivalEncoder, SensorFinding, Wrong
+from crane_model import Model
+from crane_observer import Part, SensorFinding, SensorWatch, Wrong
+from crane_observer.monitor.finding import SUPPLY, RivalEncoder
 from crane_observer.monitor.isolation import CLEARLY, DOUBTED, EXPLAINS, Suspect, encoder_behind
 from crane_observer.monitor.monitor import SensorComparison
-from crane_observer.monitor.replay import SensorWatch
 from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.node.observer_node import findings_message
 

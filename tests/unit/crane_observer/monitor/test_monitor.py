@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from unit.crane_observer.monitor.at_work import ONSET, Heard, Lie, changed, exchanged
 
-from crane_model.errors import ConfigurationError
-from crane_model.model_file import Model
-from crane_observer.monitor.finding import Part, SensorFinding, Wrong
-from crane_observer.monitor.replay import Heed, SensorWatch
+from crane_model import ConfigurationError, Model
+from crane_observer import Part, SensorFinding, SensorWatch, Wrong
+from crane_observer.monitor.replay import Heed
 from crane_observer.monitor.tolerance import Tolerance
 
 NOISE = np.random.default_rng(4).standard_normal(10_000)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_observer.monitor.finding import Part, Wrong
+from crane_observer import Part, Wrong
 from crane_observer.monitor.readings import LOOKED_AT, PINNED, ReadingHabits, ReadingWatch
 
 STEP = 4.8e-5  # rad

@@ -5,10 +5,9 @@ import pytest
 from unit.crane_observer.monitor.at_work import Heard
 
 from crane_benchmark.observing.machines import LiftingPlant, WorkCycles, stock
-from crane_model.model_file import Model
+from crane_model import Model
 from crane_observer.monitor.tolerance import Tolerance
-from crane_sim.plant.closed_loop import record
-from crane_sim.plant.sampled import Sensors
+from crane_sim import Sensors, record
 
 OUTER = 1  # of the joints of the model
 STANDS = 0.02  # rad/s, at most

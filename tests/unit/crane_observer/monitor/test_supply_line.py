@@ -5,11 +5,10 @@ import pytest
 from unit.crane_observer.monitor.at_work import Heard
 
 from crane_benchmark.observing.machines import LiftingPlant, WorkCycles, stock
-from crane_model.model_file import Model
+from crane_model import Model
 from crane_observer.monitor.blocks import LARGEST_SURPLUS, SupplyLine
 from crane_observer.monitor.tolerance import Tolerance
-from crane_sim.plant.closed_loop import record
-from crane_sim.plant.sampled import Sensors
+from crane_sim import Sensors, record
 
 SET, DROOP = 17.5e6, 6.7e8  # Pa, Pa s/m3
 STIFFNESS = 1.3e9 / 4e-3  # Pa/m3, of the oil in the line

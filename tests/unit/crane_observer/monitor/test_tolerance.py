@@ -5,8 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from crane_observer import learn
 from crane_observer.monitor.blocks import BLOCK
-from crane_observer.monitor.tolerance import RESERVE, TERMS, Sums, between, learn, taken
+from crane_observer.monitor.tolerance import RESERVE, TERMS, Sums, between, taken
 
 COUNT = 50
 LATE, CREEP, EDGE = 0.01, 0.03, 0.5  # s, m/s, of the play

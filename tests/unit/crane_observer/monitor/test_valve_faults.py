@@ -4,8 +4,8 @@ import pytest
 from unit.crane_observer.monitor.at_work import Heard
 
 from crane_benchmark.observing.machines import stock
-from crane_model.model_file import Model
-from crane_observer.monitor.finding import Part, Wrong
+from crane_model import Model
+from crane_observer import Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance
 
 SECONDS, SEED, ONSET = 20.0, 3, 6.0

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit.crane_observer.observed import JOINTS, MACHINE, at_work, known, recording
 
-from crane_model.errors import ConfigurationError
+from crane_model import ConfigurationError, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
+from crane_observer import HeardRecording
 from crane_observer.payload.estimator import (
     WORST_DEVIATION,
     HeldReadings,
@@ -35,9 +35,8 @@ from crane_observer.payload.filter import (
     attainable,
 )
 from crane_observer.payload.hypotheses import LoadHypotheses
-from crane_observer.recording import HeardRecording
+from crane_sim import load_simulated_crane
 from crane_sim.parts.mujoco_model import add_body, chain_positions, link_name, machine_spec
-from crane_sim.parts.parameters import load_simulated_crane
 
 UNWEIGHED = (PayloadCondition.PRESSURES_LOST, PayloadCondition.POSITIONS_LOST)
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import JOINTS, at_work, known, recording
 
-from crane_model.model_file import Model
+from crane_model import Model
+from crane_observer import HeardRecording
 from crane_observer.payload.estimator import (
     PayloadCondition,
     PayloadEstimate,
     PayloadEstimator,
     replay,
 )
-from crane_observer.recording import HeardRecording
 
 STUCK = (("inner_boom", 20.0, 23.0), ("outer_boom", 4.0, 8.0), ("telescope", 9.4, 11.0))
 """A joint, when its encoder sticks in motion, and the end of a time with the same load [s]."""

@@ -23,7 +23,7 @@ from crane_driver.operator.bringup.estimates import (
     fit_step,
     moved,
 )
-from crane_model.errors import DataError
+from crane_model import DataError
 
 RESOLUTION = 4.8e-5
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import yaml
 
-from crane_driver.can.binding import load_layout
+from crane_driver import load_layout
 from crane_driver.can.mapping import Mapping
 from crane_driver.driver_parameters import driver_parameters
 from crane_driver.operator.bringup.bench import Bench, BringupTerminal, Protocol
 from crane_driver.operator.bringup.estimates import JointInstant
 from crane_driver.operator.bringup.results import Series
 from crane_driver.operator.bringup.steps import encoders
+from crane_model import load_machine
 from crane_model.configuration import load
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
 from crane_nodes.managed import Stop

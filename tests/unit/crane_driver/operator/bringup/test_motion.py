@@ -7,7 +7,7 @@ from crane_driver.operator.bringup import motion
 from crane_driver.operator.bringup.bench import Bench
 from crane_driver.operator.bringup.estimates import JointInstant, Rest, fit_dead_band
 from crane_driver.operator.bringup.motion import MotionError, Mover, StoppedError, Tick
-from crane_model.errors import DataError
+from crane_model import DataError
 
 JOINTS = ("inner_boom", "outer_boom")
 RESOLUTION = 4.8e-5

@@ -9,10 +9,8 @@ from crane_driver.operator.bringup.bench import Bench
 from crane_driver.operator.bringup.estimates import JointInstant, Rest, average
 from crane_driver.operator.bringup.motion import Mover, Tick
 from crane_driver.operator.bringup.steps import unhurried
-from crane_model.errors import DataError
-from crane_model.machine import load_machine
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.plant import Plant
+from crane_model import DataError, load_machine
+from crane_sim import Plant, load_simulated_crane
 
 MACHINE, SIMULATED = load_machine(), load_simulated_crane()
 PERIOD, PER_TICK = 0.005, 2

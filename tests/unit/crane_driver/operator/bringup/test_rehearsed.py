@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from crane_driver.can.bus import BusSettings, may_leave_computer
+from crane_driver import BusSettings
+from crane_driver.can.bus import may_leave_computer
 from crane_driver.operator.bringup.bench import NotConfirmedError
 from crane_driver.operator.bringup.rehearsed import (
     NOT_CHECKED,

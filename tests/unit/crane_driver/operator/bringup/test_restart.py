@@ -19,9 +19,9 @@ from crane_driver.operator.bringup.bench import (
     next_command,
 )
 from crane_driver.operator.bringup.main import command_parser
-from crane_model.machine import load_machine
+from crane_model import load_machine
+from crane_nodes import declare
 from crane_nodes.managed import own_arguments, ros_arguments
-from crane_nodes.parameters import declare
 
 PARAMETERS = driver_parameters(load_machine(), "laboratory_crane")
 DEFAULTS = {one.name: one.default for one in PARAMETERS}

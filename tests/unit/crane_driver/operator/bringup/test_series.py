@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from crane_driver.can.mapping import Mapping
 from crane_driver.operator.bringup.estimates import DeadBandResult, EncoderResult
 from crane_driver.operator.bringup.results import Series, copy_changed
+from crane_model import DataError
 from crane_model.configuration import load
-from crane_model.errors import DataError
 from crane_model.machine_files import machine_file
 
 MAPPING = machine_file("can.yaml")

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from crane_driver.operator import LONGEST_PAUSE_S
 from crane_driver.operator.jog.jog_input import CommandShape, Demand, JogMotion
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, load_machine
 
 JOINTS = load_machine().joint_names
 SHAPE = CommandShape(
