@@ -14,7 +14,7 @@ way, the position L seconds ahead is predicted, and the error there is what the 
 This is finite spectrum assignment (Manitius and Olbrich 1979) with a disturbance observer. If model
 and lag are right, the dead time leaves the loop; `margins` tells how far both may be off. The
 inverse of its flow opens the valve: with load sensing, the drop at the edge that feeds is the
-margin of the pump, else it follows from the load of the model.
+margin of the pump, unless the load drives the piston; else it follows from the load of the model.
 """
 
 import math
@@ -42,6 +42,7 @@ from crane_trajectory.control.valves_and_oil import (
     edges,
     identified,
     length_and_lever,
+    speed_at_margin,
     speed_under_load,
     spool,
     tables,
@@ -179,7 +180,7 @@ class PredictiveFlow:
         self._position: np.ndarray | None = None
         self._disturbance = np.zeros(joints)
         self._sent: deque[tuple[float, np.ndarray]] = deque()  # time and way sent until then
-        self._ahead: deque[tuple[float, np.ndarray]] = deque()  # time, (2, j) reference
+        self._ahead: deque[tuple[float, np.ndarray]] = deque()  # time, (3, j) reference and load
 
     def start(self, command: np.ndarray) -> None:
         """Take over where `command` (j,) was in force, without a jump."""
@@ -202,10 +203,10 @@ class PredictiveFlow:
             return self._last.copy()
         self._time += dt
         predicted, arrived = self._predict(dt, reading.position)
-        position, velocity = self._reference(ahead.position, ahead.velocity)
+        rows = np.stack([ahead.position, ahead.velocity, self._load(*ahead)])
+        position, velocity, load = self._reference(rows)
         error = position - predicted
         speed = velocity + self._kv * error - self._disturbance
-        load = self._load(*ahead)
         sent = np.zeros(len(speed))
         rests = (np.abs(ahead.velocity) < RESTING) & (np.abs(velocity) < RESTING)
         for i in range(len(speed)):
@@ -230,8 +231,7 @@ class PredictiveFlow:
         extends = piston > 0.0
         gain_a, gain_b = edges(valve, extends)
         if self._drop is not None:
-            feeds, area = (gain_a, valve.area_a) if extends else (gain_b, valve.area_b)
-            fully_open = feeds * math.sqrt(self._drop) / area
+            fully_open = speed_at_margin(valve, extends, gain_a, gain_b, load / lever, self._drop)
         else:
             if not 0.5 < supply / valve.supply_pressure < 2.0:  # or not measured
                 supply = valve.supply_pressure
@@ -277,17 +277,19 @@ class PredictiveFlow:
         predicted = self._position + sent - due + self.lag * self._disturbance
         return predicted, (due - before) / dt if dt > 0.0 else np.zeros(len(q))
 
-    def _reference(
-        self, position: np.ndarray, velocity: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """(j,), (j,) the reference, of each joint its own lag ahead."""
-        self._ahead.append((self._time, np.stack([position, velocity])))
+    def _reference(self, newest: np.ndarray) -> np.ndarray:
+        """(3, j) position, velocity and load of the reference, of each joint its own lag ahead;
+        `newest` are those `preview` ahead.
+        """
+        self._ahead.append((self._time, newest))
         while len(self._ahead) > 2 and self._ahead[1][0] < self._time - self.preview:
             self._ahead.popleft()
         times = np.array([at for at, _ in self._ahead])
         rows = np.array([row for _, row in self._ahead])
         asked = self._time - (self.preview - self.lag)
-        found = [
-            [np.interp(asked[i], times, rows[:, k, i]) for i in range(len(asked))] for k in (0, 1)
-        ]
-        return np.array(found[0]), np.array(found[1])
+        return np.array(
+            [
+                [np.interp(at, times, rows[:, k, i]) for i, at in enumerate(asked)]
+                for k in range(len(newest))
+            ]
+        )

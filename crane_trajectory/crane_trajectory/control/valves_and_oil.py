@@ -295,6 +295,23 @@ def speed_under_load(
 
 
 @njit(cache=True, error_model="numpy")
+def speed_at_margin(
+    hydraulics: np.record, extending: bool, gain_a: float, gain_b: float, load: float, drop: float
+) -> float:
+    """g [m/s] with load sensing, which keeps `drop` [Pa] at the edge that feeds.
+
+    A load [N] that drives the piston faster empties the fed chamber to tank pressure. The edge that
+    returns then holds the load.
+    """
+    a, b, tank = hydraulics.area_a, hydraulics.area_b, hydraulics.tank_pressure
+    fed, left = (a, b) if extending else (b, a)
+    gain_fed, gain_left = (gain_a, gain_b) if extending else (gain_b, gain_a)
+    drives = -load if extending else load
+    held = max((drives + fed * tank) / left - tank, 0.0)  # Pa, at the edge that returns
+    return max(gain_fed * math.sqrt(drop) / fed, gain_left * math.sqrt(held) / left)
+
+
+@njit(cache=True, error_model="numpy")
 def flow_at_pressures(
     hydraulics: np.record, extending: bool, gain_a: float, gain_b: float, pressure_a: float,
     pressure_b: float, supply: float,

@@ -3,12 +3,16 @@
 import numpy as np
 import pytest
 
+from crane_sim.parts.parameters import load_both
+from crane_sim.plant.plant import Plant
+from crane_sim.true_values import hydraulics_of
 from crane_trajectory.control.dead_time import (
     LEAST_MARGINS,
     PredictorGains,
     margins,
     predictor_gains,
 )
+from crane_trajectory.control.valves_and_oil import edges, speed_at_margin
 
 STEP_S = 0.005
 
@@ -51,3 +55,33 @@ def test_every_lag_gets_gains_with_the_margins_that_are_wanted(lag: float) -> No
 
 def test_a_loop_that_is_unstable_has_no_margins() -> None:
     assert margins(PredictorGains(10.0, 200.0, 1e4), 0.4).gain <= 1.1
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_load_that_drives_is_held_by_the_edge_that_returns(direction: float) -> None:
+    """The swing of the simulated excavator, after its valve has half closed: its inertia empties
+    the fed chamber. In the end friction is the load, and the edge that feeds sets the speed.
+    """
+    machine, simulated = load_both("field_excavator", None)
+    plant = Plant(simulated, machine, simulated.start, running=1e5)
+    actuator, known = machine.cylinders["swing"], hydraulics_of(simulated, machine, "swing")
+    names = ("supply_a", "a_tank", "supply_b", "b_tank")
+    areas = {"area_a": actuator.area_a, "area_b": actuator.area_b}
+    fields = areas | {name: known[name] for name in names}
+    fields["tank_pressure"] = plant.tank_pressure
+    valve = np.rec.array(
+        [tuple(fields.values())], dtype=[(name, float) for name in fields]
+    )[0]  # fmt: skip
+    lever = machine.cylinder("swing", plant.q[:1])[0, 1]
+    extends = direction * lever > 0.0
+    dead_band, ratios = known["dead_band_a"], []
+    for k in range(400):
+        command = 0.7 if k < 150 else 0.3
+        plant.advance(np.array([direction * command, 0.0, 0.0, 0.0]), 0.02)
+        if 170 <= k < 205 or k >= 350:  # the spool rests
+            load = actuator.area_a * plant.pressure_a[0] - actuator.area_b * plant.pressure_b[0]
+            drop = plant.supply_pressure - (plant.pressure_a if extends else plant.pressure_b)[0]
+            speed = speed_at_margin(valve, extends, *edges(valve, extends), load, drop)
+            opening = (abs(plant.spool[0]) - dead_band) / (1.0 - dead_band)
+            ratios.append(opening * speed / abs(lever * plant.v[0]))
+    np.testing.assert_allclose(ratios, 1.0, atol=0.07)  # the compensator takes 4 %
