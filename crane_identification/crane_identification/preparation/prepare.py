@@ -1,7 +1,7 @@
 """From a log to the record that the model is evaluated on: resampled, averaged, smoothed."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 from typing import Self
 
@@ -11,7 +11,11 @@ from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
-from crane_identification.preparation.periodicity import Periodicity, periodic_part
+from crane_identification.preparation.periodicity import (
+    REPEATING_RMS_SHARE,
+    Periodicity,
+    periodic_part,
+)
 from crane_identification.preparation.run import (
     Preparation,
     along_reference,
@@ -42,6 +46,9 @@ def prepare(
 ) -> list[Preparation]:
     """A preparation of each gapless run of `log` (of each that holds a whole period, to average).
 
+    A machine whose force changes from period to period, as late valves make it hunt, is not
+    averaged unless the period was given: friction of the mean motion is not the mean friction.
+
     The time of its record counts from a moment `since` [s] before time zero of the log. `part` is
     what `periodic_part` gives, where that is known already.
 
@@ -69,10 +76,15 @@ def prepare(
             f"{log.source}: no whole period of {part.period:.4g} s without a gap; record at least "
             f"two, or do not average: --no-average"
         )
-    return [
+    means = [
         averaged(model, log, samples, rows, length, options, progress, since)
         for rows in long_enough
     ]
+    change = max(mean.averaging.change for mean in means if mean.averaging)
+    if options.period is not None or change <= REPEATING_RMS_SHARE:
+        return means
+    whole = _whole_runs(model, log, resample(log), options, progress, since)
+    return [replace(run, changing=change) for run in whole]
 
 
 def _whole_runs(

@@ -74,7 +74,8 @@ class Averaging:
     """How a recording was averaged.
 
     `period` [s]; `used` whole periods, the last ones; `transient` whole periods before them were
-    left out, and `incomplete` [s] of the periodic part fills no whole period. `drift` of the force.
+    left out, and `incomplete` [s] of the periodic part fills no whole period. `drift` of the force;
+    `change` as of `change_between_periods`.
     """
 
     period: float
@@ -82,6 +83,7 @@ class Averaging:
     transient: int
     incomplete: float
     drift: "Drift"
+    change: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,7 @@ class Preparation:
     averaging: Averaging | None
     periods: np.ndarray
     reference: Record | None
+    changing: float = 0.0
 
     @property
     def periodic(self) -> bool:
@@ -279,7 +282,12 @@ def averaged(
         signed=where_moving(model, motion, step, True, options, settling=0.0) & signed_alike,
         bandwidth=motion.bandwidth[: len(model.joints)],
         reference=along_reference(record, mean),
-        averaging=Averaging(length * step, used, whole - used, remainder, drift(periods, known)),
+        averaging=Averaging(
+            *(length * step, used, whole - used, remainder, drift(periods, known)),
+            change_between_periods(
+                fold(signals["position"], length, used), periods, encoder[: len(model.joints)]
+            ),
+        ),
         periods=periods,
     )
 
@@ -348,6 +356,28 @@ def transient_periods(position: np.ndarray) -> int:
             break
         first += 1
     return first
+
+
+def change_between_periods(
+    position: np.ndarray, force: np.ndarray, resolution: np.ndarray
+) -> float:
+    """Largest change of the force of a joint between M periods (M, n, j), over its rms.
+
+    White noise, which a mean reduces, does not count. Return 0 for a single period, and if all
+    positions repeat to within the `resolution` (j,) of their readings: then the machine repeats its
+    motion, and the mean force belongs to it, whatever else changes the force.
+    """
+    if (
+        len(position) < 2
+        or (np.sqrt(position.var(axis=0, ddof=1).mean(axis=0)) <= resolution).all()
+    ):
+        return 0.0
+    deviation = force - force.mean(axis=0)
+    power = (deviation**2).sum(axis=0).mean(axis=0)
+    white = 0.5 * (np.diff(deviation, axis=1) ** 2).sum(axis=0).mean(axis=0)
+    change = np.maximum(power - white, 0.0) / (len(force) - 1)
+    rms = np.sqrt((force**2).mean(axis=(0, 1)))
+    return float((np.sqrt(change)[rms > 0.0] / rms[rms > 0.0]).max(initial=0.0))
 
 
 def noise_of_mean(periods: np.ndarray, used: np.ndarray) -> np.ndarray:

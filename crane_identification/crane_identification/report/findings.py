@@ -158,7 +158,10 @@ def _together(notes: Sequence[tuple[str, str]]) -> list[str]:
 def _preparation(preparation: Preparation) -> list[str]:
     averaging = preparation.averaging
     if averaging is None:
-        return []
+        if not preparation.changing:
+            return []
+        change = short_percent(preparation.changing)
+        return [f"not averaged: the force changes by {change} of its rms from period to period."]
     notes = []
     if averaging.incomplete > REMAINDER * averaging.period:
         notes.append(

@@ -1,17 +1,28 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from crane_identification.data.sources import Sources
 from crane_identification.estimation.autoregression import independent_samples
+from crane_identification.options import Options
+from crane_identification.preparation.periodicity import REPEATING_RMS_SHARE
+from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import (
+    change_between_periods,
     drift,
     fold,
     noise_of_mean,
     resolution_of_mean,
     transient_periods,
 )
+from crane_model.machine_files import machine_file
+from crane_model.model_file import load_model
+from crane_model.progress_bar import silent
+from crane_sim.make_bag import main as make_bag
 
 
 @given(n=st.integers(1, 200), length=st.integers(1, 50), data=st.data())
@@ -145,3 +156,34 @@ def test_equal_periods_round_alike_and_different_ones_do_not() -> None:
     rounded = np.round(ramp / resolution) * resolution
     np.testing.assert_allclose(resolution_of_mean(rounded, resolution), [0.01, 0.005])
     np.testing.assert_array_equal(resolution_of_mean(rounded[:1], resolution), resolution)
+
+
+def test_the_change_between_periods_is_without_white_noise() -> None:
+    truth, force = noisy(6, seed=6)
+    position = force.copy()
+    resolution = np.full(2, 0.01)
+    assert change_between_periods(position, force, resolution) < 0.05
+    sign = np.array([1.0, -1.0] * 3)[:, None, None]
+    changed = force + 0.2 * sign * truth
+    expected = 0.2 * np.sqrt(6 / 5)  # standard deviation of six values of +-0.2
+    assert change_between_periods(position, changed, resolution) == pytest.approx(expected, rel=0.1)
+    assert change_between_periods(position, changed, np.full(2, 0.5)) == 0.0  # the motion repeats
+    assert change_between_periods(position[:1], changed[:1], resolution) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("machine", "averages"), [("laboratory_crane", True), ("field_excavator", False)]
+)
+def test_a_machine_that_hunts_is_not_averaged(tmp_path: Path, machine: str, averages: bool) -> None:
+    """Valves that answer late: each period of the field machine is another one."""
+    trajectory = str(machine_file("excitation_20s.yaml", machine))
+    given = ["--machine", machine, "--trajectory", trajectory, "--periods", "3"]
+    assert make_bag([*given, "--out", str(tmp_path / "bag")]) == 0
+    model = load_model(machine_file("model.yaml", machine)).of_machine()
+    options = Options()
+    (log,) = Sources(model, None, options, silent).read([tmp_path / "bag"])
+    (run,) = prepare(model, log, options)
+    assert run.periodic == averages
+    assert (run.changing > REPEATING_RMS_SHARE) != averages
+    (asked,) = prepare(model, log, Options(period=20.0))
+    assert asked.periodic

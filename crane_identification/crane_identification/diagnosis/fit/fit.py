@@ -236,7 +236,7 @@ def _averaged(
             continue
         with suppress(DataError):  # no whole period without a gap
             found += prepare(model, log, replace(options, average=True), part=part)
-    return tuple(found), told
+    return tuple(run for run in found if run.periodic), told
 
 
 def decimation(model: Model, training: Sequence[Preparation], given: int | None) -> int:

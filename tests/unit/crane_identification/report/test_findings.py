@@ -69,6 +69,11 @@ def test_periods_that_are_lost(report, averaging, words):
     assert any(words in warning and "train_0" in warning for warning in found)
 
 
+def test_a_motion_that_is_not_averaged_says_why(report):
+    found = warnings_of(report, with_preparation(report, averaging=None, changing=0.21))
+    assert any("not averaged: the force changes by 21" in warning for warning in found)
+
+
 def test_resting_joints_and_what_a_log_says_of_itself(report):
     masked = report.fit.preparations[0].moving.copy()
     masked[:, 2] = False
