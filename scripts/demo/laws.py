@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from crane_benchmark.rehearsal.crane_run import EXCITATION, VALIDATION, CraneRun
+from crane_benchmark.rehearsal.crane_run import EXCITATION, VALIDATION, WARM_S, CraneRun
 from crane_benchmark.rehearsal.processes import Processes
 from crane_model.machine_files import machine_file
 
@@ -30,5 +30,6 @@ def make_bags(suite: Processes, law: CraneRun) -> None:
             *(f"make_bag_{use}", "crane_sim", "make_bag", "--machine", law.machine),
             *("--plant", law.plant, "--trajectory", law.file(trajectory)),
             *("--periods", PERIODS, "--seed", seed, "--out", law.bag(use)),
+            *("--running", WARM_S),
         )
     suite.finish(*(f"make_bag_{use}" for use in trajectories))

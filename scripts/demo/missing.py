@@ -8,7 +8,7 @@ import yaml
 from laws import OUT
 from rich.table import Table
 
-from crane_benchmark.rehearsal.crane_run import EXCITATION, VALIDATION, CraneRun
+from crane_benchmark.rehearsal.crane_run import EXCITATION, VALIDATION, WARM_S, CraneRun
 from crane_benchmark.rehearsal.processes import Processes
 from crane_identification.diagnosis.findings import Findings
 from crane_identification.report.terminal import plain_table
@@ -43,7 +43,7 @@ def make_bags(suite: Processes, law: CraneRun, seed: int) -> None:
         suite.start(
             *(name, "crane_sim", "make_bag", "--out", FOLDER / "bags" / name),
             *("--machine", law.machine, "--trajectory", law.file(trajectory)),
-            *("--periods", PERIODS, "--seed", 10 * seed + number),
+            *("--periods", PERIODS, "--seed", 10 * seed + number, "--running", WARM_S),
             *("--inject", spec, "--ground-truth", TRUTH / f"{name}.json"),
         )
     suite.finish(*bags)

@@ -41,7 +41,13 @@ from crane_sim.calibration import injected_in, slewing
 from crane_sim.effects.form import InjectedForm, SensorFault
 from crane_sim.effects.sensing import faults
 from crane_sim.ground_truth import Clean, check_place, clean, load_injected, write_ground_truth
-from crane_sim.parts.parameters import SimulatedCrane, add_plant, load_both
+from crane_sim.parts.parameters import (
+    MAX_RUNNING_S,
+    SimulatedCrane,
+    add_plant,
+    add_running,
+    load_both,
+)
 from crane_sim.plant.closed_loop import REST_S, Course, SimulatedRecording, Steps, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Build, Sensors
@@ -56,7 +62,6 @@ from crane_trajectory.motion.periodic import load_trajectory
 STARTED = datetime(2025, 1, 1, tzinfo=UTC)  # fixed, so that the same seed gives the same bag
 
 LEAST_WORK_S = 20.0
-MAX_RUNNING_S = 1e7  # that a machine runs, four months
 
 
 class Moment(NamedTuple):
@@ -241,13 +246,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar="DATE",
         help="start of the machine (UTC; default: 2025-01-01T00:00:00); stamps count from it",
     )
-    parser.add_argument(
-        "--running",
-        type=between(0.0, MAX_RUNNING_S),
-        default=0.0,
-        metavar="SECONDS",
-        help="time from the start of the machine to the recording [s] (default: 0, a cold machine)",
-    )
+    add_running(parser)
     parser.add_argument(
         "--inject", type=Path, help="effects to inject (YAML), or the ground truth of a bag"
     )

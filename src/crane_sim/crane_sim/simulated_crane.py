@@ -27,7 +27,7 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_nodes.this_computer import PATIENCE_S, RealTime, RealTimeSettings
 from crane_sim.machine_on_bus import MachineOnBus, Operator
-from crane_sim.parts.parameters import add_plant, load_both
+from crane_sim.parts.parameters import add_plant, add_running, load_both
 from crane_sim.plant.closed_loop import IdentifiedPlant
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import MachineInMotion, Sensors
@@ -165,6 +165,7 @@ class _Request:
     dbc: Path | None
     machine: str | None
     plant: Path | None
+    running: float  # s
     model: Path | None
     pose: Sequence[str]
     operator: bool
@@ -207,7 +208,7 @@ def _run(options: _Request, stop: threading.Event) -> None:
         plant = identified = IdentifiedPlant(load_model(options.model), machine, pose)
         print(f"the identified simulation of {options.model}" + _standing(identified), flush=True)
     else:
-        plant = Plant(parameters, machine, pose)
+        plant = Plant(parameters, machine, pose, running=options.running)
     timed = Faults(machine, options.fault, options.seed, leaks=not options.model)
     sensors = Sensors(parameters.sensors, machine, options.seed, timed=timed)
     if options.lock_step:
@@ -301,6 +302,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--dbc", type=Path, help="DBC file (default: can.dbc of the machine)")
     cli.add_machine(parser)
     add_plant(parser)
+    add_running(parser)
     parser.add_argument(
         "--model",
         type=Path,

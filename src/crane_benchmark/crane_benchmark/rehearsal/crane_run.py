@@ -11,6 +11,7 @@ from crane_model.machine_files import machine_file
 from crane_trajectory.control.choice import suited_controller
 
 EXCITATION, VALIDATION = "excitation_20s.yaml", "validation_20s.yaml"
+WARM_S = 36_000.0  # s that a simulated crane has been running: no valve answers late for cold
 NEEDED = (  # later steps need them: better missed at once than in the middle
     *("model.yaml", EXCITATION, VALIDATION, "joints.yaml", "sensors.yaml", "can.yaml", "can.dbc"),
     *("safety.yaml", "controller.yaml", "clearance.yaml", "hydraulics.yaml"),

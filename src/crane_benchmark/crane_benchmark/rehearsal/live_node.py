@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from crane_bags.types import JOINT_STATES
-from crane_benchmark.rehearsal.crane_run import EXCITATION, CraneRun
+from crane_benchmark.rehearsal.crane_run import EXCITATION, WARM_S, CraneRun
 from crane_benchmark.rehearsal.processes import ProcessError, Processes
 from crane_interfaces.msg import DriverState
 from crane_nodes.driver_client import DriverClient
@@ -142,11 +142,12 @@ def start(
 
 
 def start_crane(suite: Processes, run: CraneRun, seed: int, plant: Path | None = None) -> int:
-    """Start the simulated crane alone, and return the port of its bus."""
+    """Start the simulated crane alone, at operating temperature, and return the port of its bus."""
     port = free_port()
     suite.start(
         *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}", "--operator"),
         *("--machine", run.machine, "--plant", plant or run.plant, "--seed", seed),
+        *("--running", WARM_S),
         *(["--lock-step"] if suite.simulated else ["--priority", MACHINE_PRIORITY]),
         *("--dbc", suite.dbc or run.file("can.dbc")),
         stdin=subprocess.PIPE,

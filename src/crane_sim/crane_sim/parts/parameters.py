@@ -10,6 +10,7 @@ import yaml
 from pydantic import Field, model_validator
 
 from crane_model.actuators import CylinderActuator
+from crane_model.cli import between
 from crane_model.configuration import NonNegative, Positive, Schema, load, read_yaml, validate
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine, MachineJoint, load_machine
@@ -264,6 +265,20 @@ def add_plant(parser: argparse.ArgumentParser) -> None:
         "--plant",
         type=Path,
         help="file of the simulated crane (default: simulated_crane.yaml of the machine)",
+    )
+
+
+MAX_RUNNING_S = 1e7  # four months
+
+
+def add_running(parser: argparse.ArgumentParser) -> None:
+    """`--running`, for how long the simulated crane has been on."""
+    parser.add_argument(
+        "--running",
+        type=between(0.0, MAX_RUNNING_S),
+        default=0.0,
+        metavar="SECONDS",
+        help="time since the start of the machine [s] (default: 0, a cold machine)",
     )
 
 
