@@ -137,7 +137,8 @@ def told_of(cycles: WorkCycles, until: float) -> list[WeighedLift]:
     mass = [float(cycles.load(np.array([t - REST_S]))[0]) for t in np.arange(0.0, until, 0.15)]
     found = [
         PayloadEstimate(
-            0.15 * k, TipLoad(1.1 * m, 0.01, np.nan, np.nan), PayloadCondition.GOOD, False, 0.0, 0.0
+            0.15 * k, TipLoad(1.1 * m, 0.01, np.nan, np.nan), PayloadCondition.GOOD, False, 0.0,
+            0.0, 5.0,
         )
         for k, m in enumerate(mass)
     ]  # fmt: skip
@@ -222,7 +223,7 @@ def test_a_load_is_weighed_where_one_of_its_poses_permits_it() -> None:
 
     def permitted(conditions: list[PayloadCondition]) -> list[bool]:
         found = [
-            PayloadEstimate(t, TipLoad(50.0, 1.0, np.nan, np.nan), condition, False, 0.0, 0.0)
+            PayloadEstimate(t, TipLoad(50.0, 1.0, np.nan, np.nan), condition, False, 0.0, 0.0, 5.0)
             for t, condition in zip(time, conditions, strict=True)
         ]
         return [weighing.permitted for weighing in weighed(cycles, time, time > 0.0, found)]

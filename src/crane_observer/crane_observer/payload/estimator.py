@@ -8,6 +8,7 @@ w(s) = (1 - s^2)^3, s from -1 to 1 over the window, the means of q, q' and q'' a
 each over Int w: so q is never differentiated, and forces averaged with w balance them.
 """
 
+import math
 from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple, Self
@@ -24,6 +25,7 @@ from crane_observer.payload.filter import (
     Balanced,
     MeanMotion,
     ModelDoubt,
+    TipBalance,
     TipLoad,
     TipMechanics,
     attainable,
@@ -40,15 +42,17 @@ HELD_READINGS = 256  # more than a window of the fastest sensors, at 400 Hz
 FEWEST_READINGS = 6  # in a window
 LONGEST_GAP = 0.25  # of a window, between two readings
 PIECES = 6  # of a window, in which it is seen whether a joint stops or turns
+LEVEL_NOISE, BEND_NOISE = 1.278, 8.37  # of n readings over a window of half width h [s], as `means`
+# takes them: standard deviation of the level times sqrt(n), of the acceleration times sqrt(n) h^2
+THIRD_DIFFERENCE = 20.0  # variance of third differences of white noise, over its own
 LATEST_POSITION = 0.1  # s that positions may come after pressures
 CRAWLING = 2.0  # times that: how fast friction becomes what it is in faster motion
-WORST_DEVIATION = 10.0  # kg, that the best estimate in a pose may have to be one: half of the
-# lightest load that the aims ask for
+WORST_SHARE = 0.1  # of `ModelDoubt.unknown`: deviation of the best estimate in a pose, to be one
 TOLD_SHARE = 0.77  # of the filter's standard deviation: all that it allows for seldom comes
 # together; set by lifts of 24 hard and 12 stock machines (`crane_benchmark loads`, seeds 94500 and
 # 128800)
 
-LIGHTEST_LIFT = 5.0  # kg, below which nothing was lifted
+LIGHTEST_SHARE = 0.05  # of `ModelDoubt.unknown`: less was not lifted
 SURE = 3.0  # standard deviations, by which a load is more than nothing
 KEPT_ESTIMATES = 100  # of a lift, before the unneeded are forgotten
 HEADINGS = (
@@ -150,6 +154,22 @@ def means(time: Array, values: Array, begin: float, end: float) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
+def noise_of_mean(time: Array, values: Array, begin: float, end: float) -> Array:
+    """(k,) white noise of `values` (n, k) between `begin` and `end` [s], by their third
+    differences, over the root of their number: what motion changes is smooth.
+    """
+    out = np.zeros(values.shape[1])
+    first, last = np.searchsorted(time, begin), np.searchsorted(time, end, side="right")
+    for k in range(values.shape[1]):
+        column = values[first:last, k]
+        column = column[np.isfinite(column)]
+        if len(column) > 3:
+            third = column[3:] - 3.0 * column[2:-1] + 3.0 * column[1:-2] - column[:-3]
+            out[k] = math.sqrt((third**2).mean() / (THIRD_DIFFERENCE * len(column)))
+    return out
+
+
+@njit(cache=True, error_model="numpy")
 def slowest_and_fastest(time: Array, values: Array, begin: float, end: float) -> Array:
     """(2, k): least and largest rate of `values` (n, k) in any of the `PIECES` of the window."""
     out = np.full((2, values.shape[1]), np.nan)
@@ -211,6 +231,7 @@ class PayloadEstimate(NamedTuple):
     changed: bool  # a load came or went: it was noticed now
     since: float  # s, when this load came or went; -inf if it was there from the beginning
     moved: float  # s of motion since then
+    lightest: float  # kg, below which nothing was lifted
 
 
 class PayloadEstimator:
@@ -223,7 +244,10 @@ class PayloadEstimator:
         self.model = model
         self._mechanics = TipMechanics.of(model)
         joints = len(model.joints)
-        self._hypotheses = LoadHypotheses(doubt or ModelDoubt.of(model), joints)
+        doubt = doubt or ModelDoubt.of(model)
+        self._hypotheses = LoadHypotheses(doubt, joints)
+        self._lightest = LIGHTEST_SHARE * doubt.unknown  # kg
+        self._worst = WORST_SHARE * doubt.unknown
         shared = self.machine.hydraulics.load_sensing  # its drops at the valves are not known
         self._flow = FlowCheck(model) if model.hydraulics and not shared else None
         self._wrong_since = np.full(joints, np.inf)  # s, of an encoder that was found faulty
@@ -348,12 +372,13 @@ class PayloadEstimator:
             np.exp(-np.abs(motion.velocity) / (CRAWLING * self._standing)),
             by_place,
             ~measured,
+            self._noise(end, balance),
         )
         changed = self._hypotheses.add(end, window)
         self._estimated_until = end
         self._moved = 0.0 if changed else self._moved + HOP * bool(window.moving.any())
         condition = PayloadCondition.GOOD
-        if attainable(self._hypotheses.believed.filter, window) > WORST_DEVIATION:
+        if attainable(self._hypotheses.believed.filter, window) > self._worst:
             condition = PayloadCondition.UNOBSERVABLE
         elif estimated:
             condition = PayloadCondition.POSITIONS_ESTIMATED
@@ -384,6 +409,21 @@ class PayloadEstimator:
             deviation = np.where(lost, estimate[0, 2 * j :], deviation)
         return MeanMotion(q, v, a, p[:j], p[j:]), speeds, deviation
 
+    def _noise(self, end: float, balance: TipBalance) -> Array:
+        """(j,) standard deviation of the balance by noise of the readings in a window [N m, N]."""
+        begin = end - PAYLOAD_WINDOW
+        acceleration = noise_of_mean(*self.encoders.held, begin, end)
+        acceleration *= BEND_NOISE / (0.5 * PAYLOAD_WINDOW) ** 2
+        pressure = LEVEL_NOISE * noise_of_mean(*self.pressures.held, begin, end)
+        piston = np.hypot(*np.split(pressure, 2))
+        load = float(self._hypotheses.believed.filter.x[MASS])
+        inertia = balance.inertia + load * balance.inertia_of_load
+        found: Array = np.hypot(
+            np.linalg.norm(inertia * acceleration, axis=1),
+            np.linalg.norm(balance.by_pressure * piston, axis=1),
+        )
+        return found
+
     def _contradicted(self, end: float) -> Flags:
         """(j,) whether the flow contradicts each encoder, or has done so within the window."""
         time, shown = self.encoders.held
@@ -401,7 +441,7 @@ class PayloadEstimator:
         load = self._hypotheses.load
         load = load._replace(deviation=TOLD_SHARE * load.deviation)
         since = self._hypotheses.believed.since
-        return PayloadEstimate(end, load, condition, changed, since, self._moved)
+        return PayloadEstimate(end, load, condition, changed, since, self._moved, self._lightest)
 
 
 def replay(
@@ -451,7 +491,7 @@ def lift_of(part: Sequence[PayloadEstimate], first: float) -> Lift | None:
     if not told:
         return None
     best = min(told, key=lambda estimate: estimate.load.deviation)
-    if best.load.mass <= max(LIGHTEST_LIFT, SURE * best.load.deviation):
+    if best.load.mass <= max(best.lightest, SURE * best.load.deviation):
         return None
     moved = max(estimate.moved for estimate in told)
     return Lift(max(best.since, first), part[-1].time, moved, best.load)

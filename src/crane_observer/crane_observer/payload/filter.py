@@ -40,7 +40,10 @@ SHARE_POWER = 4.0 / 3.0  # of the position estimator's share: no flow is used he
 ESTIMATED_VELOCITY = 0.1  # of a velocity that no encoder measures, how wrong it may be
 ESTIMATED_ACCELERATION = 1.0  # the same of an acceleration
 
-HEAVY = 100.0  # kg, standard deviation of a load of which nothing is known
+UNKNOWN_SHARE = 0.75  # of what the drives hold: standard deviation of a load that is not known
+POSES_PER_JOINT = 5  # in which it is seen what they hold
+HOLDS_LITTLE = 1.0  # N m/kg, N/kg: a joint that 1 kg loads by less does not hold it
+TOOL_SHARE, DRIFT_SHARE = 5e-3, 5e-4  # of `ModelDoubt.unknown`
 FAR = 0.5  # m beyond the tip, of the centre of such a load
 TARED = 0.05  # kg, kg m: how well a tare is zero
 WINDOW_OUTLYING = 3.0  # standard deviations, from which on a measurement counts less
@@ -71,6 +74,8 @@ class TipBalance(NamedTuple):
     down: Array  # (j,) where it moves in the other
     viscous: Array  # (j,) the part that grows with the velocity
     inertial: Array  # (j,) the part that accelerates
+    inertia: Array  # (j, j) for 1 rad/s2, 1 m/s2 more of each joint
+    inertia_of_load: Array  # (j, j) the same, of 1 kg at the tip
     mass: Array  # (j,) h_m [N m/kg, N/kg]
     moment: Array  # (j,) h_s [1/kg m of these]
     by_pressure: Array  # (j, j) for 1 Pa more in chamber A of each cylinder
@@ -115,7 +120,7 @@ class TipMechanics:
         force = self.drives(q, np.concatenate([p_a, p_b]))
         by_pressure = np.stack([self.drives(q, row) for row in np.eye(2 * j)[:j]], axis=1)
         lost = (by_pressure[:, ~known] != 0.0).any(axis=1)
-        asked, slower, resting, up, down = self._model_forces(motion, force, p_a, p_b)
+        asked, slower, resting, up, down, *by_joint = self._model_forces(motion, force, p_a, p_b)
         carried = np.stack([self._carried(body, q, v, a) for body in self.bodies])
         return TipBalance(
             force=np.where(lost, np.nan, force),
@@ -124,6 +129,8 @@ class TipMechanics:
             down=down - asked,
             viscous=(asked - slower) / SLOWER,
             inertial=asked - resting,
+            inertia=(np.array(by_joint) - resting).T,
+            inertia_of_load=self._inertia_of_load(q),
             mass=carried[0],
             moment=carried[1],
             by_pressure=by_pressure,
@@ -134,6 +141,26 @@ class TipMechanics:
         whole = np.zeros((len(positions), len(self.machine.joint_names)))
         whole[:, self.columns] = positions
         return gravity_forces(self.machine.chain, self.bodies[0], whole)[:, self.columns]
+
+    @property
+    def heaviest(self) -> float:
+        """Load at the tip [kg] that the drives hold in each pose at supply pressure, without the
+        machine's own weight.
+        """
+        machine, joints = self.machine, self.model.joints
+        ranges = [
+            np.linspace(limits.position_min, limits.position_max, POSES_PER_JOINT)
+            for limits in (machine.limits[joint] for joint in joints)
+        ]
+        poses = np.stack(np.meshgrid(*ranges), axis=-1).reshape(-1, len(joints))
+        weights, held = self.weights(poses), np.inf
+        for weight, q, joint in zip(weights.T, poses.T, joints, strict=True):
+            actuator, lever = machine.cylinders[joint], machine.cylinder(joint, q)[:, 1]
+            area = np.where(lever * weight > 0.0, actuator.area_a, actuator.area_b)
+            force = np.abs(lever) * area * machine.hydraulics.supply_pressure
+            loaded = np.abs(weight) > HOLDS_LITTLE
+            held = min(held, float((force[loaded] / np.abs(weight[loaded])).min(initial=np.inf)))
+        return held
 
     def slopes(self, motion: MeanMotion, load: float) -> Array:
         """(j, j) of force less what is asked with a load [kg], row by joint, against positions."""
@@ -147,15 +174,18 @@ class TipMechanics:
         return np.stack([(miss(q + step) - here) / NUDGE for step in steps], axis=1)
 
     def _model_forces(self, motion: MeanMotion, force: Array, p_a: Array, p_b: Array) -> Array:
-        """(5, j): without dry friction; the same slower; without acceleration; moving up; down."""
-        cases = np.ones((5, 1))
+        """(5 + j, j): without dry friction; the same slower; without acceleration; moving up; down;
+        accelerated by 1 in one joint after the other.
+        """
+        j = len(self.model.joints)
+        cases = np.ones((5 + j, 1))
         velocity = cases * motion.velocity
         velocity[1] *= 1.0 - SLOWER
         acceleration = cases * motion.acceleration
-        acceleration[2] = 0.0
+        acceleration[2], acceleration[5:] = 0.0, np.eye(j)
         direction = np.zeros_like(velocity)
         direction[3], direction[4] = 1.0, -1.0
-        rows = np.arange(5.0)
+        rows = np.arange(5.0 + j)
         record = Record(
             joints=self.model.joints,
             time=rows,
@@ -169,6 +199,16 @@ class TipMechanics:
             direction_known=direction,
         )
         return self.model.predict(record)
+
+    def _inertia_of_load(self, q: Array) -> Array:
+        """(j, j) force of each joint for 1 rad/s2, 1 m/s2 of each, with 1 kg at the tip."""
+        rows = len(self.columns) + 1
+        whole = np.zeros((3, rows, len(self.machine.joint_names)))
+        whole[0][:, self.columns] = q
+        whole[2][1:, self.columns] = np.eye(rows - 1)
+        found = inverse_dynamics(self.machine.chain, self.bodies[0], *whole)[:, self.columns]
+        inertia: Array = (found[1:] - found[0]).T
+        return inertia
 
     def _carried(self, body: Array, q: Array, v: Array, a: Array) -> Array:
         """(j,) what the body asks, the other joints of the machine at rest."""
@@ -212,17 +252,20 @@ class ModelDoubt(NamedTuple):
     slip_stays: float = 1.0  # s, of friction where a joint sticks and slips
     place_stays: float = 60.0  # s, of errors of an estimated position
     noise: float = 0.2e5  # Pa, of a window, of the piston's force
-    sensors: float = 2.3e3  # Pa, the same, by noise of the readings
     inertia: float = 0.1  # of the force that accelerates: encoders tell acceleration badly
+    unknown: float = 100.0  # kg, of a load of which nothing is known
     tool: float = 0.5  # kg, of what the model has at the tip
     drift: float = 0.05  # kg/sqrt(s), of a load that nobody changes
 
     @classmethod
     def of(cls, model: Model) -> "ModelDoubt":
-        """As far as the model deserves it, as the position estimator judges it."""
+        """As far as the model deserves it, as the position estimator judges it; a load as its
+        machine can hold it.
+        """
+        unknown = UNKNOWN_SHARE * TipMechanics.of(model).heaviest
         share = (Trust.of(model).dry / Trust().dry) ** SHARE_POWER
         blamed = ("zero", "slow", "dry", "viscous", "carried", "crawl", "noise", "tool", "drift")
-        full = cls()
+        full = cls(unknown=unknown, tool=TOOL_SHARE * unknown, drift=DRIFT_SHARE * unknown)
         return full._replace(**{name: share * getattr(full, name) for name in blamed})
 
     @property
@@ -251,6 +294,7 @@ class Balanced(NamedTuple):
     crawling: Array  # (j,) how near to stopping, 0 to 1
     by_place: Array  # (j, j) force for a standard deviation of each position; 0 of measured ones
     unmeasured: Flags  # (j,) whose motion no encoder measures that is to be believed
+    noise: Array  # (j,) N m, N: standard deviation of the balance by noise of the readings
 
 
 class LoadFilter:
@@ -264,7 +308,7 @@ class LoadFilter:
         for kind, (deviation, stays) in doubt.kinds.items():
             spread[self.of(kind)], self._stay[self.of(kind)] = deviation, stays
         self.prior = spread.copy()
-        spread[MASS], spread[MOMENT] = HEAVY, HEAVY * FAR
+        spread[MASS], spread[MOMENT] = doubt.unknown, doubt.unknown * FAR
         self.P = np.diag(spread**2)
         self._held = np.zeros(joints, dtype=bool)
 
@@ -280,8 +324,8 @@ class LoadFilter:
 
     def another_load(self) -> None:
         """A load came or went: nothing is known of it, nor of friction where a joint stands."""
-        _forget(self.x, self.P, MASS, HEAVY)
-        _forget(self.x, self.P, MOMENT, HEAVY * FAR)
+        _forget(self.x, self.P, MASS, self.doubt.unknown)
+        _forget(self.x, self.P, MOMENT, self.doubt.unknown * FAR)
         for place in range(*self.of(LoadState.STICK).indices(len(self.x))):
             _forget(self.x, self.P, place, self.doubt.held)
 
@@ -351,7 +395,7 @@ def innovation(x: Array, window: Balanced, doubt: ModelDoubt) -> tuple[Array, Ar
             H[j, KINDS_FROM + LoadState.PLACE * joints + k] = window.by_place[j, k]
             lever += abs(balance.by_pressure[j, k])
         H[j, KINDS_FROM + LoadState.VISCOUS * joints + j] = balance.viscous[j]
-        variance[j] = lever**2 * (doubt.noise**2 + doubt.sensors**2)
+        variance[j] = (lever * doubt.noise) ** 2 + window.noise[j] ** 2
         inertia = ESTIMATED_ACCELERATION if window.unmeasured.any() else doubt.inertia
         variance[j] += (inertia * balance.inertial[j]) ** 2
         if window.unmeasured[j]:

@@ -20,8 +20,9 @@ def window(load: float, direction: float, held: float, rng: np.random.Generator)
     zero, still = np.zeros(3), directions == 0.0
     balance = TipBalance(
         force=force, asked=zero, up=DRY, down=-DRY, viscous=zero, inertial=zero,
+        inertia=np.zeros((3, 3)), inertia_of_load=np.zeros((3, 3)),
         mass=BY_MASS, moment=0.1 * BY_MASS, by_pressure=np.diag([1e-3, 1e-3, 5e-3]),
     )  # fmt: skip
     return Balanced(
-        HOP, balance, ~still, still, directions > 0.0, zero, np.zeros((3, 3)), still & False
+        HOP, balance, ~still, still, directions > 0.0, zero, np.zeros((3, 3)), still & False, zero
     )
