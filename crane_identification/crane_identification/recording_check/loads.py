@@ -38,7 +38,6 @@ FORCE_WINDOW_S = 0.25  # s, over which forces are averaged, so that noise is
 NO_PULL = 1e-12  # square of a pull [1/kg^2] or a force that is none
 SHORTEST = 1.5  # s; a part in which a load is weighed has `MOVED` of motion, and lasts longer
 MOVED = 2.0  # s of motion on both sides of a change: less tells a load badly
-LIGHTEST = 5.0  # kg, below which nothing is said
 SURE = 6.5  # standard deviations by which two loads differ: five of the filter, see `scale.TOLD`
 EXPLAINED = 0.5  # of the energy that a model leaves of a recording, by loads that change in it
 A_LOAD = 1.0 - 1e-9  # likeness to the step of a load; 1 where but one joint moves
@@ -46,7 +45,6 @@ APART = 1.0  # s about a change that belong to neither side
 # Chosen on a crane that rubs by the way since a reversal on one joint, as `rubbing` of the tests
 # makes it: with more doubt weighings are worse, with less its friction is taken for loads.
 FRICTION = 1.4  # times what a scale doubts of it, of a model that may lack an effect of it
-WINDOW_NOISE_PA = 4e3  # Pa, noise of a window, whatever a scale allows for
 
 
 @dataclass(frozen=True)
@@ -144,6 +142,7 @@ class PayloadPart(NamedTuple):
 
     begin: float  # s; -inf: from the beginning of the recording
     deviation: float  # kg, standard deviation
+    lightest: float  # kg, below which nothing is said
     masses: tuple[float, ...]  # kg, beside what the model has at the tip, of all its weighings
 
     @property
@@ -152,7 +151,7 @@ class PayloadPart(NamedTuple):
         return median(self.masses)
 
     def differs(self, previous: "PayloadPart") -> bool:
-        return abs(self.mass - previous.mass) > max(LIGHTEST, SURE * self._apart(previous))
+        return abs(self.mass - previous.mass) > max(self.lightest, SURE * self._apart(previous))
 
     def beyond(self, previous: "PayloadPart") -> str:
         """How much more it is than another, in words [kg]."""
@@ -166,9 +165,7 @@ class PayloadPart(NamedTuple):
 def doubt_of(model: Model) -> ModelDoubt:
     """Doubt about a model that lacks an effect: it would be taken for changing loads."""
     doubt = ModelDoubt.of(model)
-    return doubt._replace(
-        dry=FRICTION * doubt.dry, viscous=FRICTION * doubt.viscous, sensors=WINDOW_NOISE_PA
-    )
+    return doubt._replace(dry=FRICTION * doubt.dry, viscous=FRICTION * doubt.viscous)
 
 
 def payload_parts(model: Model, log: Log, options: Options) -> tuple[PayloadPart, ...]:
@@ -228,7 +225,7 @@ def _of_loads(parts: Sequence[PayloadPart], leftover: Leftover) -> list[PayloadP
 def _as_one(parts: Sequence[PayloadPart]) -> PayloadPart:
     masses = tuple(mass for part in parts for mass in part.masses)
     deviation = min(part.deviation for part in parts)
-    return PayloadPart(parts[0].begin, deviation, masses)
+    return PayloadPart(parts[0].begin, deviation, parts[0].lightest, masses)
 
 
 def split_by_load(
@@ -343,4 +340,4 @@ def _part(weighings: Sequence[PayloadEstimate]) -> PayloadPart | None:
     if not told:
         return None
     best = min(told, key=lambda weighing: weighing.load.deviation)
-    return PayloadPart(best.since, best.load.deviation, (best.load.mass,))
+    return PayloadPart(best.since, best.load.deviation, best.lightest, (best.load.mass,))
