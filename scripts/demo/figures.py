@@ -56,7 +56,8 @@ def rows(
         ("lugre", "the same machine with LuGre friction: held-out force, relative to τ",
          dynamic.heldout_relative_error),
     ):  # fmt: skip
-        yield of_joints(name, what, _known(errors), ".2%")
+        if known := _known(errors):
+            yield of_joints(name, what, known, ".2%")
     yield of_joints("friction_share", "friction in τ", _known(summary.friction_share), ".0%")
     yield _tracked("tracking", "RMS tracking error, PD controller", outcome.tracking_rms, units)
     if followed := outcome.following:

@@ -110,7 +110,7 @@ def motion_errors(summary: Summary) -> tuple[str, dict[str, float]]:
         for joint, error in motion.position_rms.items()
     }
     errors = {joint: error / rms for joint, (error, rms) in pairs.items() if error and rms}
-    return f"motion {motion.horizon:g} s ahead", errors
+    return f"motion {motion.horizon:.3g} s ahead", errors
 
 
 def _online(law: CraneRun, bag: Path) -> list[OnlineEstimate]:

@@ -41,7 +41,7 @@ def _estimate(found: ParameterSummary | OnlineEstimate | None, true: float) -> t
 
 def bags_table(law: CraneRun, outcome: DemoOutcome) -> Table:
     """What was recorded, and how well the crane followed."""
-    result = plain_table("Messages recorded live at 200 Hz, and gaps of more than 1.5 cycles")
+    result = plain_table("Messages recorded live, and gaps of more than 1.5 cycles")
     result.add_column("topic", no_wrap=True)
     for heading in ("fit", "gaps", "validation", "gaps"):
         result.add_column(heading, justify="right")
