@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+import yaml
 
 from crane_identification.data.sources import Sources
 from crane_identification.fitting import validate
@@ -23,6 +24,8 @@ from crane_model.kinematics import tip_position
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
+from crane_observer.payload.estimator import PayloadEstimator, lifts, replay
+from crane_observer.recording import HeardRecording
 from crane_sim.make_bag import main as make_bag
 from crane_sim.parts.parameters import SimulatedCrane, load_both
 from crane_sim.plant.closed_loop import REST_S, record
@@ -41,6 +44,8 @@ NAME = "field_excavator"
 WORK_S = 600.0
 WARM_S = 36_000.0  # s for which the machine has been running
 DEAD_TIME_AIM, FORCE_AIM, TIP_AIM, TIMES_BETTER_AIM = 0.010, 0.03, 20.0, 5.0
+LOADS = (300.0, 600.0, 1000.0)  # kg at the teeth
+FULL_SCALE, PAYLOAD_AIM = 1200.0, 0.02  # kg, a bucket of earth; share
 PD_SCALES = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 LINES = {
     "away from the machine": ([0.0, 0.45, -1.75, -0.5], [1.0, 0.0, 0.0]),
@@ -219,3 +224,35 @@ def test_margins_of_the_predictor(field: Field, measured: Measured) -> None:
     )
     measured("margins of gain, phase and delay", "2, 40°, 35 % of the lag", text)
     assert not law.lacking()
+
+
+def test_payload(field: Field, measured: Measured) -> None:
+    """One minute of work with a load at the teeth, and one of another operator."""
+    plant = yaml.safe_load(machine_file("simulated_crane.yaml", NAME).read_text(encoding="utf-8"))
+    errors, changes = [], 0
+    for number, load in enumerate(LOADS):
+        body = {"link": "bucket", "origin": [0.0] * 3, "mass": load, "inertia": [1.0] * 3}
+        loaded = plant["bodies"] | {"load": body | {"centre_of_mass": [0.0] * 3}}
+        file = field.folder / f"loaded_{load:g}.yaml"
+        file.write_text(yaml.safe_dump(plant | {"bodies": loaded}), encoding="utf-8")
+        for seed in (number + 3, number + 13):
+            bag = field.folder / f"loaded_{load:g}_{seed}"
+            given = ["--machine", NAME, "--plant", str(file), "--running", str(WARM_S)]
+            assert make_bag([*given, "--work", "60", "--seed", str(seed), "--out", str(bag)]) == 0
+            model = field.model
+            found = replay(PayloadEstimator(model), HeardRecording.read(bag, model.joints))
+            changes += sum(estimate.changed for estimate in found)
+            errors += [(lift.load.mass - load, load) for lift in lifts(found)]
+    error, true = np.array(errors).T
+    of_scale, of_load = (
+        float(np.sqrt(np.mean((error / scale) ** 2))) for scale in (FULL_SCALE, true)
+    )
+    measured(
+        f"payload of {LOADS[0]:g} to {LOADS[-1]:g} kg in one minute of work, RMS: of "
+        f"{FULL_SCALE:g} kg, of the load; changes that were none",
+        f"{PAYLOAD_AIM:.0%}, {PAYLOAD_AIM:.0%}",
+        f"{of_scale:.1%}, {of_load:.1%}; {changes} in {len(LOADS) * 2} min",
+        of_scale=of_scale,
+        of_load=of_load,
+    )
+    assert of_scale < PAYLOAD_AIM
