@@ -250,7 +250,8 @@ class Plant:
 
     It starts at rest with centred spools and chamber pressures that carry gravity; the two
     pressures of a cylinder then add up to the supply pressure where that is possible, as a valve
-    with equal metering edges leaves them; with load sensing, to that of an idle pump. Nothing in it is random: noise is in the sensors.
+    with equal metering edges leaves them; with load sensing, to that of an idle pump. Nothing in it
+    is random: noise is in the sensors.
 
     Parameters
     ----------
