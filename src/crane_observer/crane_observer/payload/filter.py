@@ -145,7 +145,7 @@ class TipMechanics:
     @property
     def heaviest(self) -> float:
         """Load at the tip [kg] that the drives hold in each pose at supply pressure, without the
-        machine's own weight.
+        machine's own weight; infinite if no joint carries it.
         """
         machine, joints = self.machine, self.model.joints
         ranges = [
@@ -262,7 +262,8 @@ class ModelDoubt(NamedTuple):
         """As far as the model deserves it, as the position estimator judges it; a load as its
         machine can hold it.
         """
-        unknown = UNKNOWN_SHARE * TipMechanics.of(model).heaviest
+        heaviest = TipMechanics.of(model).heaviest
+        unknown = UNKNOWN_SHARE * heaviest if math.isfinite(heaviest) else cls().unknown
         share = (Trust.of(model).dry / Trust().dry) ** SHARE_POWER
         blamed = ("zero", "slow", "dry", "viscous", "carried", "crawl", "noise", "tool", "drift")
         full = cls(unknown=unknown, tool=TOOL_SHARE * unknown, drift=DRIFT_SHARE * unknown)
