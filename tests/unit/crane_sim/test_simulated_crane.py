@@ -14,6 +14,7 @@ from crane_driver.can.frame import START_NS, STEP, TIME, Frame, step_frame, time
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_model import load_machine
+from crane_model.errors import RangeError
 from crane_model.machine_files import machine_file
 from crane_sim import Plant, Sensors, load_simulated_crane
 from crane_sim.machine_on_bus import COMMAND_TIMEOUT_S, MAX_STEP_S, MachineOnBus, ValveUnit
@@ -257,3 +258,14 @@ def test_wrong_arguments_are_named(
     assert main(arguments) == 1
     assert message in capsys.readouterr().err
     assert signal.getsignal(signal.SIGTERM) is handler
+
+
+def test_the_machine_may_have_been_running(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def plant(*_: object, running: float) -> MachineInMotion:
+        raise RangeError(f"has been running for {running:g} s")
+
+    monkeypatch.setattr("crane_sim.simulated_crane.Plant", plant)
+    assert main(["--running", "600"]) == 1
+    assert "has been running for 600 s" in capsys.readouterr().err
