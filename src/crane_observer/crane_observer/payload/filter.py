@@ -40,7 +40,7 @@ SHARE_POWER = 4.0 / 3.0  # of the position estimator's share: no flow is used he
 ESTIMATED_VELOCITY = 0.1  # of a velocity that no encoder measures, how wrong it may be
 ESTIMATED_ACCELERATION = 1.0  # the same of an acceleration
 
-UNKNOWN_SHARE = 0.75  # of what the drives hold: standard deviation of a load that is not known
+UNKNOWN_SHARE = 0.77  # of what the drives hold: standard deviation of a load that is not known
 POSES_PER_JOINT = 5  # in which it is seen what they hold
 HOLDS_LITTLE = 1.0  # N m/kg, N/kg: a joint that 1 kg loads by less does not hold it
 TOOL_SHARE, DRIFT_SHARE = 5e-3, 5e-4  # of `ModelDoubt.unknown`
