@@ -101,6 +101,7 @@ class Log:
     supply_pressure: Signal | None = None  # (n,) Pa gauge
     tank_pressure: Signal | None = None  # (n,) Pa gauge
     slew_position: Signal | None = None  # (n,) rad, where slew is not one of the joints
+    slew_command: Signal | None = None  # (n,) valve command, -1..1
     command: Signal | None = None  # (n, j) valve command, -1..1
     reference_position: Signal | None = None  # (n, j) rad or m
     reference_velocity: Signal | None = None  # (n, j) per s

@@ -102,6 +102,7 @@ def read_bag(
     command = _selected(topics, valve_command, joints)
     reference = _selected(topics, joint_reference, joints)
     slew = None if SLEW in joints else _selected(topics, joint_states, [SLEW])
+    slewed = None if SLEW in joints else _selected(topics, valve_command, [SLEW])
     start = int(states.stamp[0])
 
     def signal(data: TopicData, field: str) -> Signal:
@@ -117,7 +118,6 @@ def read_bag(
 
     effort = () if pressures else (f"the effort of {joint_states.name} is taken as the force",)
     used = [data for data in (states, pressures, command, reference) if data]
-    slewed = signal_if_any(slew, "position")
     return Log(
         source=str(path),
         joints=tuple(joints),
@@ -129,7 +129,8 @@ def read_bag(
         pressure_b=signal(pressures, "chamber_b") if pressures else None,
         supply_pressure=signal_if_any(pressures, "supply"),
         tank_pressure=signal_if_any(pressures, "tank"),
-        slew_position=slewed and replace(slewed, value=slewed.value[:, 0]),
+        slew_position=_first_column(signal_if_any(slew, "position")),
+        slew_command=_first_column(signal_if_any(slewed, "command")),
         command=signal_if_any(command, "command"),
         reference_position=signal_if_any(reference, "position"),
         reference_velocity=signal_if_any(reference, "velocity"),
@@ -150,6 +151,10 @@ def _selected(
     """The columns `names` of an optional topic, or None where it does not name them all."""
     data = topics.get(topic.name)
     return data.select(names) if data and set(names) <= set(data.names) else None
+
+
+def _first_column(signal: Signal | None) -> Signal | None:
+    return signal and replace(signal, value=signal.value[:, 0])
 
 
 # From the numbers of a recording and its column map to a log.

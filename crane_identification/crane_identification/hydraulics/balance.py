@@ -37,7 +37,8 @@ FLOW_PRESSURES = ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure"
 METERING_DROP = "metering_drop"
 """Drop at all edges of a passage that feed, if valves share the flow of one pump [Pa]."""
 COMMON = ("supply_pressure", "tank_pressure")  # of all joints; nominal where they are not logged
-VALVE_MOTION = ("position", "command")
+APART = {"position": "slew_position", "command": "slew_command"}  # in a log without this joint
+VALVE_MOTION = tuple(APART)
 FLOW_SIGNALS = (*VALVE_MOTION, *FLOW_PRESSURES)
 CUT_OFF = 4.0  # Hz: what the machine moves at lies below, most of the noise above
 FLOW_FILTER_ORDER = 4
@@ -130,8 +131,7 @@ def _lacking(log: Log, joint: str, wanted: Sequence[str]) -> list[str]:
 
 def _column(log: Log, joint: str, name: str) -> Signal | None:
     """The samples of a signal that hold a number for the joint, (k,); None if there are not two."""
-    apart = joint not in log.joints and name in ("position", "command")
-    signal: Signal | None = getattr(log, f"{joint}_{name}" if apart else name, None)
+    signal: Signal | None = getattr(log, name if joint in log.joints else APART.get(name, name))
     if signal is None:
         return None
     value = signal.value if signal.value.ndim == 1 else signal.value[:, log.joints.index(joint)]

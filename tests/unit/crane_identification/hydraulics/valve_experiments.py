@@ -82,6 +82,7 @@ def log_of(recording: SimulatedRecording, live: bool = False) -> Log:
         tank_pressure=signal(pressures.tank, "/cylinder_pressures"),
         command=signal(recording.command[:, COLUMNS], "/valve_command", logged),
         slew_position=signal(recording.position[:, SLEW], "/joint_states"),
+        slew_command=signal(recording.command[:, SLEW], "/valve_command", logged),
         reference_position=signal(reference.position[:, COLUMNS], "/joint_reference"),
     )
 
