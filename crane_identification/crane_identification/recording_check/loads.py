@@ -45,7 +45,6 @@ APART = 1.0  # s about a change that belong to neither side
 # Chosen on a crane that rubs by the way since a reversal on one joint, as `rubbing` of the tests
 # makes it: with more doubt weighings are worse, with less its friction is taken for loads.
 FRICTION = 1.4  # times what a scale doubts of it, of a model that may lack an effect of it
-WINDOW_NOISE_PA = 4e3  # Pa, noise of a window, whatever a scale allows for
 
 
 @dataclass(frozen=True)
@@ -166,11 +165,7 @@ class PayloadPart(NamedTuple):
 def doubt_of(model: Model) -> ModelDoubt:
     """Doubt about a model that lacks an effect: it would be taken for changing loads."""
     doubt = ModelDoubt.of(model)
-    return doubt._replace(
-        dry=FRICTION * doubt.dry,
-        viscous=FRICTION * doubt.viscous,
-        noise=math.hypot(doubt.noise, WINDOW_NOISE_PA),
-    )
+    return doubt._replace(dry=FRICTION * doubt.dry, viscous=FRICTION * doubt.viscous)
 
 
 def payload_parts(model: Model, log: Log, options: Options) -> tuple[PayloadPart, ...]:

@@ -45,7 +45,6 @@ PIECES = 6  # of a window, in which it is seen whether a joint stops or turns
 LEVEL_NOISE, BEND_NOISE = 1.278, 8.37  # of n readings over a window of half width h [s], as `means`
 # takes them: standard deviation of the level times sqrt(n), of the acceleration times sqrt(n) h^2
 THIRD_DIFFERENCE = 20.0  # variance of third differences of white noise, over its own
-ROUNDED = 4.0  # squared counts that those of a slow encoder have at most by rounding alone
 LATEST_POSITION = 0.1  # s that positions may come after pressures
 CRAWLING = 2.0  # times that: how fast friction becomes what it is in faster motion
 WORST_SHARE = 0.1  # of `ModelDoubt.unknown`: deviation of the best estimate in a pose, to be one
@@ -155,12 +154,9 @@ def means(time: Array, values: Array, begin: float, end: float) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def noise_of_mean(
-    time: Array, values: Array, begin: float, end: float, rounded: float = 0.0
-) -> Array:
+def noise_of_mean(time: Array, values: Array, begin: float, end: float) -> Array:
     """(k,) white noise of `values` (n, k) between `begin` and `end` [s], by their third
-    differences, over the root of their number: what motion changes is smooth. Of third
-    differences, `rounded` squared counts are left out.
+    differences, over the root of their number: what motion changes is smooth.
     """
     out = np.zeros(values.shape[1])
     first, last = np.searchsorted(time, begin), np.searchsorted(time, end, side="right")
@@ -169,10 +165,7 @@ def noise_of_mean(
         column = column[np.isfinite(column)]
         if len(column) > 3:
             third = column[3:] - 3.0 * column[2:-1] + 3.0 * column[1:-2] - column[:-3]
-            steps = np.abs(np.diff(column))
-            count = steps[steps > 0.0].min() if steps.any() else 0.0
-            beyond = max((third**2).mean() - rounded * count**2, 0.0)
-            out[k] = math.sqrt(beyond / (THIRD_DIFFERENCE * len(column)))
+            out[k] = math.sqrt((third**2).mean() / (THIRD_DIFFERENCE * len(column)))
     return out
 
 
@@ -419,7 +412,7 @@ class PayloadEstimator:
     def _noise(self, end: float, balance: TipBalance) -> Array:
         """(j,) standard deviation of the balance by noise of the readings in a window [N m, N]."""
         begin = end - PAYLOAD_WINDOW
-        acceleration = noise_of_mean(*self.encoders.held, begin, end, ROUNDED)
+        acceleration = noise_of_mean(*self.encoders.held, begin, end)
         acceleration *= BEND_NOISE / (0.5 * PAYLOAD_WINDOW) ** 2
         pressure = LEVEL_NOISE * noise_of_mean(*self.pressures.held, begin, end)
         piston = np.hypot(*np.split(pressure, 2))
