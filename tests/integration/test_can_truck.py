@@ -46,7 +46,10 @@ def groups_by_cantools(log: Path, dbc: Path) -> Iterator[tuple[can.Message, str,
             found = database.get_message_by_frame_id(message.arbitration_id, True)
         except KeyError:
             continue
-        yield message, found.name, found.decode(message.data, decode_choices=False)
+        values = found.decode(message.data, decode_choices=False)
+        labels = found.decode(message.data)
+        missing = {signal for signal, label in labels.items() if str(label) == "notAvailable"}
+        yield message, found.name, values | dict.fromkeys(missing)
 
 
 def test_every_frame_is_decoded_or_counted(decoded: LogTable) -> None:
