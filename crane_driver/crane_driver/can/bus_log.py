@@ -164,7 +164,7 @@ def encoding_of(beginning: bytes) -> str | None:
 
 
 def text_encoding(file: BinaryIO) -> str:
-    """Encoding of a text file at its begin: UTF-8, unless it begins as one of UTF-16."""
+    """Encoding of a text file by its first two bytes: UTF-16, or else UTF-8."""
     beginning = file.read(2)
     file.seek(0)
     return encoding_of(beginning) or "utf-8-sig"

@@ -179,9 +179,7 @@ def _beyond(
     scatter: str,
     asked: np.ndarray | bool = True,
 ) -> list[str]:
-    """Where relative errors (j,) are more than noise by the `scatter`, in words; of the joints
-    `asked`.
-    """
+    """Sentences on the joints `asked` whose errors (j,) exceed the noise by the `scatter`."""
     errors = np.maximum(held_out, training)
     times = gap.over(errors, scatter)
     beyond = gap.beyond(errors, gates, scatter) & asked
@@ -219,7 +217,7 @@ def _moved(proof: Proof) -> list[str]:
 
 
 def _acting(proof: Proof) -> np.ndarray:
-    """Whether any of the effects acts on a joint (j,)."""
+    """Return whether any of the effects acts on a joint (j,)."""
     names = proof.gap.joints
     joints = {j for one in proof.trial.effects for j in one.shaped.joints(names)}
     return np.isin(np.arange(len(names)), list(joints))
@@ -228,8 +226,8 @@ def _acting(proof: Proof) -> np.ndarray:
 def _more(
     proof: Proof, share: float, thresholds: Thresholds, forms: Mapping[int, DifferingForm]
 ) -> list[str]:
-    """What is missing beside the effects, in words. On a joint on which no effect acts, an error
-    just above its limit is something more only if it is systematic.
+    """Sentences on what is missing beside the effects. On a joint without an effect, an error just
+    above its limit counts only if it is systematic.
     """
     trial, gap, method = proof.trial, proof.gap, thresholds.method
     told = np.isin(np.arange(len(gap.joints)), list(forms))  # by their forms
@@ -435,8 +433,8 @@ def _nearest(
 def nearest(
     fit: Fitted, search: Search, effects: Sequence[Judged], objection: str
 ) -> NearestEffects:
-    """What `effects` that are rejected would do to the fitted model, and why they are rejected;
-    held-out errors after them are NaN if the recordings do not determine them.
+    """The rejected `effects`, the errors of the fitted model with them, and the objection to them;
+    held-out errors are NaN if the recordings do not determine the effects.
     """
     old = relative(fit.held_out, residual(fit.held_out, fit.before))
     try:
@@ -586,7 +584,7 @@ def _rejected(one: Rejection) -> str:
 
 
 def change_told(change: HeldOutChange) -> str:
-    """What becomes of the held-out error of a joint, in words; one number if both are printed
+    """Sentence on the change of the held-out error of a joint; one number if both are printed
     alike.
     """
     before, after = (f"{error:.2%}" for error in (change.before, change.after))
@@ -597,7 +595,7 @@ def change_told(change: HeldOutChange) -> str:
 
 
 def beyond_told(one: Beyond) -> str:
-    """What the catalogue does not hold, in words."""
+    """Sentence on what the catalogue does not hold."""
     if one.effects:
         rejected = objection_told(one.rejections)
         return f"{', '.join(one.effects)} explains more than chance does, but {rejected}"

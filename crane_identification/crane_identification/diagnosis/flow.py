@@ -214,7 +214,7 @@ class Flow:
 
     @property
     def unknown(self) -> bool:
-        """Whether most of what is left has a law that is none of the quantities'."""
+        """Return whether most of what is left has a law that is none of the quantities'."""
         named = sum(one.share**2 for one in self._beyond)
         beyond, method = named + self.unexplained**2, self.method
         # air acts in moments that are too short for neighbouring rows to be alike

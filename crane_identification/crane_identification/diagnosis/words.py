@@ -112,7 +112,7 @@ def reason(content: Content) -> str:
 
 
 def added(content: Content) -> bool:
-    """Whether the model of the force has something that it had not before."""
+    """Return whether the model of the force has something that it had not before."""
     return bool(content["model_error"]["before"] != content["model_error"]["after"])
 
 

@@ -49,7 +49,7 @@ class NodeTime:
         self._heard = time.monotonic()
         self._newest = 0
         self.known = not self.simulated
-        """Whether the time is known: simulated time is not before the first tick."""
+        """Whether the time is known; simulated time is unknown before the first tick."""
         source = node._time_source
         self._told: Callable[[Clock], None] = source.clock_callback
         if source._clock_sub is not None:  # which does not tell that the clock is alive
@@ -75,9 +75,9 @@ class NodeTime:
         return self._newest / NANOSECONDS + max(0.0, silent - PATIENCE_S)
 
     def patience(self, seconds: float) -> float:
-        """Real time [s] to wait for what comes within `seconds` where nothing else is computed.
+        """Real time [s] to wait for an answer that an idle computer gives within `seconds`.
 
-        Simulated time waits for the slowest node, and an answer for simulated time.
+        In simulated time it may have to wait for the slowest node.
         """
         return max(seconds, PATIENCE_S) if self.simulated else seconds
 

@@ -222,15 +222,15 @@ def _mistakable(one: Judged) -> bool:
 
 
 def _scales(one: Judged) -> bool:
-    """Whether an effect is a factor of the force of a joint, as wrong lengths make it."""
+    """Return whether an effect scales the force of a joint, as wrong lengths do."""
     return one.shaped.candidate.effect.formless
 
 
 def _together(
     selection: ForwardSelection, threshold: float, thresholds: Thresholds
 ) -> tuple[Judged, ...]:
-    """Effects that several joints lack at once, each judged beside the rest; none if one effect, or
-    scales of the forces of two joints, explains about as much.
+    """Effects that are missing on several joints at once, each judged beside the rest; none if one
+    effect, or scales of the forces of two joints, explains about as much.
     """
     search = selection.search
     subset = on_several_joints(search, threshold, thresholds)
@@ -263,13 +263,13 @@ def objection(one: Judged, thresholds: Thresholds) -> Rejection | None:
 
 
 def _shows(one: Judged, thresholds: Thresholds) -> bool:
-    """Whether an effect is more than machines show from which nothing is missing."""
+    """Return whether an effect exceeds that of machines from which nothing is missing."""
     strong = one.strength >= thresholds.gates.smallest_strength
     return strong and one.score > one.threshold
 
 
 def _vague(one: Judged, thresholds: Thresholds) -> bool:
-    """Whether a further effect is no better than others that look different, as remains if the
-    first one has another form.
+    """Return whether a further effect is no better than others of another shape. Such a rest
+    remains if the first effect has another form.
     """
     return bool(one.indistinct) and one.correlation < thresholds.method.form_correlation

@@ -147,8 +147,8 @@ def held_out_gains(
 
 
 def gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
-    """What the whitened columns `added` (N, k) gain on the rows `out` (N,), fitted to the others;
-    NaN if the others do not determine them.
+    """Gain of the whitened columns `added` (N, k) on the rows `out` (N,), fitted to the other rows;
+    NaN if these do not determine them.
 
     Directions of the orthonormal `known` (N, d) that the others do not determine are taken out of
     both sides, and so are columns that are in those rows alone, as a load that no other recording
@@ -187,7 +187,7 @@ def _left(inside: np.ndarray, outside: np.ndarray, count: int) -> float:
 
 
 def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
-    """Whether an effect improves the prediction in all folds (NaN: not asked) but a few."""
+    """Return whether an effect improves the prediction in all but a few folds (NaN: not asked)."""
     asked, method = gains[np.isfinite(gains)], thresholds.method
     failed = int((asked <= 0.0).sum())
     allowed = max(
@@ -221,7 +221,7 @@ def freedom(search: Search, number: int) -> int:
 
 
 def same_effect(one: Candidate, other: Candidate) -> bool:
-    """Whether both are laws of the same effect, on the same joint."""
+    """Return whether both are laws of the same effect, on the same joint."""
     return one.joint == other.joint and other.type in one.effect.kin
 
 

@@ -45,9 +45,9 @@ def stands_apart(
     chance: float,
     thresholds: Thresholds,
 ) -> bool:
-    """Whether one effect of a set explains beside any curve of the stronger ones what it does
-    beside their model forms, more than `chance` and of recordings that it was not fitted to; and
-    each of these forms leaves nothing to its curve.
+    """Return whether one effect of a set explains beside any curve of the stronger ones what it
+    does beside their model forms, more than `chance` and of recordings that it was not fitted to;
+    and each of these forms leaves nothing to its curve.
     """
     found = [search.projection.candidates[number] for number in subset.numbers]
     own, rest = found[place], [one for k, one in enumerate(found) if k != place]
@@ -79,7 +79,7 @@ def _is_the_machines(
     shape: ShapedCandidate,
     thresholds: Thresholds,
 ) -> bool:
-    """Whether a curve explains no more than chance beside all that was `found`."""
+    """Return whether a curve explains no more than chance beside all that was `found`."""
     if law.candidate.drawn:
         return True
     columns = [one.columns for one in found]
@@ -100,8 +100,8 @@ def slight(
     asked: Collection[int],
     formless: Collection[int] = (),
 ) -> bool:
-    """Whether one of the effects `asked` gains less than that share of what another one, not
-    `formless`, does in one of its channels: that may be what the form of the other one leaves.
+    """Return whether one of the effects `asked` gains less than this share of the gain of another
+    one that has a form, in one of its channels: the form of the other one may leave as much.
     """
     where = [set(one.tolist()) for one in channels]
     return any(
@@ -115,8 +115,8 @@ def slight(
 def of_one_form(
     search: Search, subset: Subset, chance: float, thresholds: Thresholds, settled: int = 0
 ) -> bool:
-    """Whether an effect of a set, not of the first `settled`, is but what the form of another one
-    leaves. `chance`: gain of the best effect if nothing is missing.
+    """Return whether an effect of a set, after the first `settled`, is only the rest that the form
+    of another one leaves. `chance`: gain of the best effect if nothing is missing.
     """
     if all(search.projection.candidates[number].candidate.changes for number in subset.numbers):
         return False
@@ -135,8 +135,8 @@ def of_one_form(
 def fills(
     search: Search, subset: Subset, place: int, chance: float, thresholds: Thresholds
 ) -> bool:
-    """Whether one effect of a set explains most of what the others leave beyond noise where it
-    acts, which is more than `chance`.
+    """Return whether one effect of a set explains most of what the others leave beyond noise where
+    it acts, which is more than `chance`.
     """
     own = channels(search, subset.numbers[place])
     before, after = (
@@ -159,8 +159,8 @@ def fills(
 def is_of_lengths(
     search: Search, rest: Sequence[np.ndarray], columns: np.ndarray, thresholds: Thresholds
 ) -> bool:
-    """Whether columns (n, c, k), beside the `rest`, gain less than half as much beside lengths that
-    are off and scales of all joints' forces.
+    """Return whether columns (n, c, k), beside the `rest`, gain less than half as much beside
+    lengths that are off and scales of all joints' forces.
     """
     longer = beside_lengths(search)
     scales = [longer.projection.candidates[number].columns for number in factors(longer)]
@@ -244,7 +244,7 @@ def _left_by_form(found: Sequence[Judged], joint: str, thresholds: Thresholds) -
 def _accounts_for(
     search: Search, found: Sequence[Judged], joint: str, other: ForceSignature, most: float
 ) -> bool:
-    """Whether effects were found on a joint that explain no more than the `most` beside a
+    """Return whether effects were found on a joint that explain no more than the `most` beside a
     signature: it is why they were found. Scales need not be among them.
     """
     both = explained(search, *_columns(found), other.columns)
@@ -259,8 +259,8 @@ def _accounts_for(
 
 
 def suspected(found: Sequence[Judged], joint: str) -> bool:
-    """Whether an effect of the sensors was found on a joint; not if the forces of two joints are
-    scaled.
+    """Return whether an effect of the sensors was found on a joint; not if the forces of two joints
+    are scaled.
     """
     candidates = [one.shaped.candidate for one in found]
     lengths = sum(one.effect.formless for one in candidates) > 1

@@ -35,9 +35,9 @@ Kinds = tuple[str, ...]
 
 
 def on_several_joints(search: Search, threshold: float, thresholds: Thresholds) -> Subset:
-    """The effects that at least three joints lack each, strongest kind first. Three of a kind lose
-    more than the `threshold` without theirs, and a share of what the strongest effect does; the
-    others more than chance gives to the best of that kind.
+    """Effects that are missing on at least three joints each, strongest kind first. On three joints
+    the loss without the effect exceeds the `threshold` and a share of that of the strongest effect;
+    on the others it exceeds the chance gain of the best of that kind.
     """
     members, share = _kinds(search.projection), thresholds.method.elsewhere_share
     least = {

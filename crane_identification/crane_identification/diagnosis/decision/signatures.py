@@ -164,7 +164,7 @@ def of_better_signature(
 def _holds(
     search: Search, subset: Subset, place: int, better: Subset, thresholds: Thresholds
 ) -> bool:
-    """Whether a law in the place of an effect explains most of what the effect does."""
+    """Return whether a law in the place of an effect explains most of what the effect does."""
     least = thresholds.method.simple_share
     known = without(search, subset, place).gain
     return better.gain - known >= least * (subset.gain - known)
@@ -247,7 +247,7 @@ def _better(
 
 
 def _told(search: Search, law: Candidate, other: Candidate, rest: Sequence[np.ndarray]) -> bool:
-    """Whether a law is told from another one of its curve, which their lead cannot do."""
+    """Return whether a law is told from another one of its curve, which their lead cannot do."""
     return law.joint == other.joint and law.type in likelier(search, other, rest)
 
 

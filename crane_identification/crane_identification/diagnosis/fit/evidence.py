@@ -454,8 +454,8 @@ def beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def says_nothing(used: np.ndarray, known: np.ndarray) -> bool:
-    """Whether a channel has too few `used` rows (n,) for the directions `known` (rows, d) of its
-    base.
+    """Return whether a channel has too few `used` rows (n,) for the directions `known` (rows, d) of
+    its base.
     """
     return bool(used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS))
 

@@ -258,8 +258,8 @@ class Gap(HeldOut):
         return errors / np.hypot(self.sample_noise, self.method.surveyed_error)
 
     def beyond(self, errors: np.ndarray, gates: Gates, scatter: str) -> np.ndarray:
-        """Whether errors (j,) are more than noise by the `scatter`, than values that are kept may
-        err and, by the scatter of periods, than surveyed lengths leave.
+        """Return whether errors (j,) are more than noise by the `scatter`, than values that are
+        kept may err and, by the scatter of periods, than surveyed lengths leave.
         """
         periods = scatter == OF_PERIODS
         factor = gates.floor_factor if periods else gates.sample_noise_factor

@@ -251,7 +251,7 @@ class Trial:
 
     @property
     def formless(self) -> bool:
-        """Whether no effect has a law, which leaves something where it is not the machine's."""
+        """Return whether no effect has a law, which would leave a rest if its form is wrong."""
         return all(one.shaped.candidate.effect.formless for one in self.effects)
 
     @cached_property
@@ -309,8 +309,8 @@ def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Th
 
 
 def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
-    """Whether a linear parameter of an effect differs from zero by more than so many standard
-    deviations, and by more than is usual.
+    """Return whether a linear parameter of an effect differs from zero by more than so many
+    standard deviations, and by more than is usual.
     """
     changes = [value.change for value in values[: len(one.shaped.positive)]]
     usual = one.shaped.candidate.effect.usual
@@ -401,8 +401,8 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> Rejection | None
 
 
 def _simple(one: Judged, share: float) -> bool:
-    """Whether an effect helps wherever it is asked, and no other is as good; one that a shape bends
-    leads by this share of its score.
+    """Return whether an effect helps wherever it is asked, and no other is as good; one that a
+    shape bends leads by this share of its score.
     """
     asked = one.held_out[np.isfinite(one.held_out)]
     bent = one.shaped.shape or one.shaped.candidate.drawn

@@ -52,8 +52,8 @@ def _predicted(evidence: Evidence, run: Run) -> np.ndarray:
 
 
 def is_the_force_itself(evidence: Evidence, term: Term, joint: str) -> bool:
-    """Whether a term on a joint explains a force that no load makes: what the model leaves there,
-    turned round in time within each run.
+    """Return whether a term on a joint explains a force that no load makes: what the model leaves
+    there, turned round in time within each run.
     """
     j = evidence.joints.index(joint)
 
@@ -85,7 +85,7 @@ SHORT = 0.015  # s, in which filtered noise hardly changes
 
 
 def holds_noise(one: ShapedCandidate) -> bool:
-    """Whether a column holds the noise of the force itself."""
+    """Return whether a column holds the noise of the force itself."""
     return float(one.shape.get(LEAD, 0.0)) > SHORT
 
 

@@ -211,10 +211,10 @@ class ObserverNode(LifecycleNode):
         raise NotImplementedError
 
     def counts(self, topic: HeardTopic) -> bool:
-        """Return whether a message that has just come is to be taken.
+        """Return whether a message that has just come counts.
 
-        Commands that were asked for are not, once the driver tells what it made of them: they
-        have the time of whoever asks.
+        Requested commands do not, once the driver tells what it sends: they bear the time of their
+        sender, whose clock may be wrong.
         """
         self.outputs_heard = self.outputs_heard or topic is OUTPUTS
         return not (self.outputs_heard and topic is COMMANDS)
