@@ -285,24 +285,37 @@ class Stage:
         return self
 
     def moving(self, commander: Commander, **commands: float) -> Self:
-        """Enabled, and the commands at the valves, from where limits may hold them back."""
-        commander.send(**commands)
+        """Enabled, and the commands at the valves, from where limits may hold them back.
+
+        In real time a pause of the computer may fault the crane meanwhile: it is begun again.
+        """
 
         def heard() -> bool:
             """Else the driver might be enabled before it hears neutral commands."""
             self.disabled()
             return "command neutral first" in self.call("enable")[1]
 
-        self.until(heard)
-        commander.send(**dict.fromkeys(commands, 0.0))
-        self.enabled()
-        since = len(self.valves)
-        commander.send(**commands)
-
         def arrived(sent: Valves) -> bool:
             return all(abs(sent.commands[name] - value) < 1e-3 for name, value in commands.items())
 
-        self.until(lambda: any(map(arrived, self.valves[since:])))
+        def moves() -> bool:
+            commander.send(**commands)
+            self.until(heard)
+            commander.send(**dict.fromkeys(commands, 0.0))
+            self.enabled()
+            since = len(self.valves)
+            commander.send(**commands)
+
+            def ended() -> bool:
+                return any(map(arrived, self.valves[since:])) or not self.valves[-1].enabled
+
+            self.until(ended)
+            return any(map(arrived, self.valves[since:]))
+
+        if self.simulated:
+            assert moves(), f"not enabled any longer; {self.diagnostics}"
+        else:
+            self.until(moves)
         return self
 
     def moved(self, commander: Commander, there: Callable[[], bool], **commands: float) -> Self:

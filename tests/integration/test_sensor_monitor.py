@@ -73,7 +73,7 @@ def test_an_encoder_that_freezes_in_mid_motion_is_named(tmp_path: Path, stage: S
         stage.moving(hand, outer_boom=-0.25)
         go_on(stage, 300)
         assert not found(told), "nothing was wrong yet"
-        stage.until(lambda: stage.diagnostics[DIAGNOSED][0] == b"\x00")
+        stage.until(lambda: stage.diagnostics[DIAGNOSED][1] == Heed.WATCHING.value)
         operate(stage, "fault=outer_boom.encoder.stuck")
         assert list(first_found(stage, told).joint) == ["outer_boom"]
         stage.until(lambda: stage.diagnostics[DIAGNOSED][0] != b"\x00")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -30,7 +30,7 @@ from crane_observer.position.estimator import WindowEstimate
 
 M = TypeVar("M")
 LONGEST_WAIT = 100_000_000  # ns, that one topic is waited for when others have gone on
-REPORT_PERIOD = 1.0  # s, of diagnostics
+REPORT_PERIOD = 1.0  # s, of diagnostics; a topic of which nothing came for as long is named
 LARGEST_LEAD = 0.05  # s, by which simulated time may be ahead: the driver moves joints by estimates
 
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -193,6 +193,7 @@ class ObserverNode(LifecycleNode):
         self._heard, self._tells, self._longest_wait = heard, tells, longest_wait
         self._came: InOrder[Any] = InOrder(longest_wait)
         self.outputs_heard = False  # the driver tells what it sends to the valves
+        self._latest: dict[str, float] = {}  # s, when a message of each topic came
         self.zero: int | None = None  # ns, stamp of the first message
         self._queues: list[Polled] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -286,6 +287,7 @@ class ObserverNode(LifecycleNode):
             return
         for place, (topic, queue) in enumerate(zip(self._heard, self._queues, strict=True)):
             for message, _ in queue.take():
+                self._latest[topic.name] = self.clock.now()
                 if not self.counts(topic):
                     continue
                 stamp = nanoseconds(message.header.stamp)
@@ -302,6 +304,14 @@ class ObserverNode(LifecycleNode):
         if self._pacing is not None:
             self._pacing.taken()
 
+    def _silent(self) -> str:
+        """Name the topics of which nothing came for a second."""
+        since = self.clock.now() - REPORT_PERIOD
+        silent = (
+            topic.name for topic in self._heard if self._latest.get(topic.name, since) <= since
+        )
+        return ", ".join(silent)
+
     def _report(self) -> None:
         status = DiagnosticStatus(
             name=f"{full_name(self)}: {self._tells}", level=DiagnosticStatus.OK
@@ -309,6 +319,7 @@ class ObserverNode(LifecycleNode):
         if self._active:
             self.report(status)
             tell_back(self._back, status)
+            status.values = [*status.values, KeyValue(key="silent topics", value=self._silent())]
         else:
             status.message = "not active"
         message = DiagnosticArray(status=[status])

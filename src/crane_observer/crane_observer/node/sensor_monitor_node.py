@@ -1,5 +1,6 @@
 """`sensor_monitor`: which sensor is faulty, as a managed node."""
 
+import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -53,7 +54,7 @@ class SensorMonitorNode(ObserverNode):
     def __init__(self) -> None:
         super().__init__("sensor_monitor", PARAMETERS, HEARD, MONITOR_VISIT, "sensors")
         self._watch: SensorWatch | None = None
-        self._compared = 0.0
+        self._compared = -math.inf  # s
         self._findings = self.create_lifecycle_publisher(SensorFindings, "sensor_findings", LATCHED)
         self.create_service(Trigger, "~/forget", self._forget)
 
@@ -67,6 +68,7 @@ class SensorMonitorNode(ObserverNode):
     def begin(self) -> None:
         """Nothing has been found yet, which is told to who heard of a monitor before."""
         self._watch = SensorWatch(self._model, self._tolerance)
+        self._compared = -math.inf
         self._publish()
 
     def end(self) -> None:
