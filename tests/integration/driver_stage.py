@@ -31,6 +31,7 @@ from integration.processes import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -44,7 +45,7 @@ from crane_interfaces.msg import CylinderPressures
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_nodes.executor import KeptExecutor, Polled
-from crane_nodes.node_time import CLOCK_TOPIC, NodeTime, Pacing
+from crane_nodes.node_time import CLOCK_TOPIC, NEWEST_TICK, NodeTime, Pacing
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 DEEP = QoSProfile(depth=2000)  # messages, that the test has not taken yet
@@ -118,7 +119,7 @@ class Stage:
             parameter_overrides=[Parameter("use_sim_time", value=self.simulated)],
         )
         self._clock = NodeTime(self.node)
-        self._clock.listen()
+        self._ticks = Polled(self.node, Clock, CLOCK_TOPIC, NEWEST_TICK)
         self._pacing = Pacing(self.node, self._clock, AHEAD)
         if not awaited:
             self._pacing.close()
@@ -225,6 +226,8 @@ class Stage:
 
     def spin(self, still: bool = False) -> None:
         self._executor.spin_once(timeout_sec=0.01)
+        for tick, _ in self._ticks.take():
+            self._clock.tell(tick)
         for topic, told in self._topics:
             for message, _ in topic.take():
                 told(message)
