@@ -6,17 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.decision import Decision, objection
-from crane_identification.diagnosis.decision.judgement import (
-    Beyond,
-    HeldOutChange,
-    Judged,
-    Reason,
-    Rejection,
-    all_judged,
-    held_out_gains,
-    helps,
-)
+from crane_identification.diagnosis.candidates import Candidate, Weighed, with_own_loads
+from crane_identification.diagnosis.decision import Decision, objection
+from crane_identification.diagnosis.evidence import beside, relative, residual
 from crane_identification.diagnosis.findings import (
     ErrorChange,
     FoundCurve,
@@ -26,20 +18,28 @@ from crane_identification.diagnosis.findings import (
     UnknownPlace,
     Verdict,
 )
-from crane_identification.diagnosis.fit.evidence import beside, relative, residual
-from crane_identification.diagnosis.fit.fit import Fitted, UndeterminedError
+from crane_identification.diagnosis.fit import Fitted, UndeterminedError
 from crane_identification.diagnosis.flow import Flow, Flows
 from crane_identification.diagnosis.formula import formula
-from crane_identification.diagnosis.proof.gap import OF_PERIODS, OF_SAMPLES, Gap, Line
-from crane_identification.diagnosis.proof.proof import Proof, extended, found_effect
+from crane_identification.diagnosis.gap import OF_PERIODS, OF_SAMPLES, Gap, Line
+from crane_identification.diagnosis.judgement import (
+    Beyond,
+    HeldOutChange,
+    Judged,
+    Reason,
+    Rejection,
+    all_judged,
+    held_out_gains,
+    helps,
+)
+from crane_identification.diagnosis.proof import Proof, extended, found_effect
 from crane_identification.diagnosis.residuals import (
     curves_of,
     left_elsewhere,
     solved,
     unknown_force,
 )
-from crane_identification.diagnosis.search.candidates import Candidate, Weighed, with_own_loads
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.search import (
     Search,
     detectable,
     gained,
@@ -48,7 +48,7 @@ from crane_identification.diagnosis.search.search import (
     testable_share,
     unexplained_on_joints,
 )
-from crane_identification.diagnosis.search.selection import NOTHING, solve
+from crane_identification.diagnosis.selection import NOTHING, solve
 from crane_identification.thresholds import Gates, Thresholds
 
 # The verdict: from what was found, what is left of it, and what the recordings could show.

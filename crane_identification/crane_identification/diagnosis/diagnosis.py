@@ -10,21 +10,30 @@ import numpy as np
 from crane_identification.data.log import Log
 from crane_identification.diagnosis import findings as schema
 from crane_identification.diagnosis.answer import Answer, answered
-from crane_identification.diagnosis.decision.decision import Decision, decide
-from crane_identification.diagnosis.decision.judgement import Judged, in_place_of
-from crane_identification.diagnosis.decision.lookalikes import SENSING
+from crane_identification.diagnosis.candidates import (
+    MASS_SIGMAS,
+    NO_LOAD,
+    WHOLE,
+    Candidate,
+    Weighed,
+    wanted,
+)
+from crane_identification.diagnosis.decision import Decision, decide
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.findings import Findings, Verdict
-from crane_identification.diagnosis.fit.evidence import Evidence
-from crane_identification.diagnosis.fit.fit import Fitted, fitted
+from crane_identification.diagnosis.fit import Fitted, fitted
 from crane_identification.diagnosis.flow import Flow, Flows, Quantity, Usual, examine, load_usual
-from crane_identification.diagnosis.proof.gap import (
+from crane_identification.diagnosis.gap import (
     OF_PERIODS,
     OF_SAMPLES,
     Commanded,
     Gap,
     commanded,
 )
-from crane_identification.diagnosis.proof.proof import (
+from crane_identification.diagnosis.judgement import Judged, in_place_of
+from crane_identification.diagnosis.lookalikes import SENSING
+from crane_identification.diagnosis.projection import extended
+from crane_identification.diagnosis.proof import (
     Finding,
     Proof,
     Value,
@@ -34,17 +43,8 @@ from crane_identification.diagnosis.proof.proof import (
     proved,
 )
 from crane_identification.diagnosis.residuals import curves_of, energy_shares, regions
-from crane_identification.diagnosis.search.candidates import (
-    MASS_SIGMAS,
-    NO_LOAD,
-    WHOLE,
-    Candidate,
-    Weighed,
-    wanted,
-)
-from crane_identification.diagnosis.search.projection import extended
-from crane_identification.diagnosis.search.search import Search, acting, search
-from crane_identification.diagnosis.search.selection import ForwardSelection, Subset
+from crane_identification.diagnosis.search import Search, acting, search
+from crane_identification.diagnosis.selection import ForwardSelection, Subset
 from crane_identification.estimation.autoregression import Autoregression
 from crane_identification.notation import is_determined
 from crane_identification.options import Options

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from pydantic import model_validator
 
-from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.flow_balance import (
     COLUMNS,
     LEAK,
@@ -23,7 +24,6 @@ from crane_identification.diagnosis.flow_balance import (
     solved,
     with_wear,
 )
-from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.thresholds import Method, Thresholds
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import DataError

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from crane_identification.diagnosis.fit.evidence import Evidence, Run, normed, thinned
+from crane_identification.diagnosis.evidence import Evidence, Run, normed, thinned
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
 from crane_model.errors import DataError
 from crane_model.flow import (

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from crane_identification.diagnosis.findings import FoundFormula, FoundParameter
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.evidence import (
     MOST_SHARE,
     VISIBLE_SHARE,
     Evidence,
@@ -24,7 +23,8 @@ from crane_identification.diagnosis.fit.evidence import (
     least_squares,
     relative,
 )
-from crane_identification.diagnosis.proof.gap import Gap, where_trained
+from crane_identification.diagnosis.findings import FoundFormula, FoundParameter
+from crane_identification.diagnosis.gap import Gap, where_trained
 from crane_identification.diagnosis.residuals import (
     OF_NO_JOINT,
     as_counted,
@@ -33,7 +33,7 @@ from crane_identification.diagnosis.residuals import (
     solved,
     unit_of,
 )
-from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search import Search
 from crane_identification.notation import is_determined, listed, plain
 from crane_model.errors import CraneError
 from crane_model.record import Record

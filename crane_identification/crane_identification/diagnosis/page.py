@@ -12,8 +12,8 @@ from scipy.stats import binned_statistic
 
 from crane_identification.diagnosis import words
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.fit.evidence import Zone, least_squares, residual
-from crane_identification.diagnosis.proof.proof import Finding
+from crane_identification.diagnosis.evidence import Zone, least_squares, residual
+from crane_identification.diagnosis.proof import Finding
 from crane_identification.diagnosis.residuals import OF_NO_JOINT, on_rows, unit_of
 from crane_identification.diagnosis.words import Content
 from crane_identification.notation import human, listed, percent, plain, spoken

@@ -6,16 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.data.column_map import COUNTS
-from crane_identification.diagnosis.decision.judgement import Judged, held_out_gains
-from crane_identification.diagnosis.decision.signatures import signatures
-from crane_identification.diagnosis.findings import (
-    FoundCurve,
-    FoundDifference,
-    FoundRegion,
-    NearbySignature,
-    UnknownPlace,
-)
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.evidence import (
     MOST_SHARE,
     VISIBLE_SHARE,
     Evidence,
@@ -24,10 +15,18 @@ from crane_identification.diagnosis.fit.evidence import (
     normed,
     way_since_turned,
 )
-from crane_identification.diagnosis.fit.fit import Fitted
-from crane_identification.diagnosis.proof.gap import Gap
-from crane_identification.diagnosis.proof.proof import Trial
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.findings import (
+    FoundCurve,
+    FoundDifference,
+    FoundRegion,
+    NearbySignature,
+    UnknownPlace,
+)
+from crane_identification.diagnosis.fit import Fitted
+from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.judgement import Judged, held_out_gains
+from crane_identification.diagnosis.proof import Trial
+from crane_identification.diagnosis.search import (
     ForceSignature,
     Search,
     explained,
@@ -37,7 +36,8 @@ from crane_identification.diagnosis.search.search import (
     unexplained_on_joints,
     widened,
 )
-from crane_identification.diagnosis.search.selection import NOTHING
+from crane_identification.diagnosis.selection import NOTHING
+from crane_identification.diagnosis.signatures import signatures
 from crane_identification.thresholds import Thresholds
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record

@@ -9,7 +9,7 @@ from math import isnan, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from crane_identification.diagnosis.search.candidates import NO_LOAD, WHOLE
+from crane_identification.diagnosis.candidates import NO_LOAD, WHOLE
 from crane_identification.notation import (
     NARROW_SPACE,
     NONE,

@@ -14,7 +14,7 @@ from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.residuals import regions
-from crane_identification.diagnosis.search.search import left_share
+from crane_identification.diagnosis.search import left_share
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds

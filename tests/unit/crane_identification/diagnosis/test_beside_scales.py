@@ -9,8 +9,8 @@ from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 from unit.crane_identification.diagnosis.test_several import asked, named
 
 from crane_identification.diagnosis.decision import signatures
-from crane_identification.diagnosis.search.search import ForceSignature
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.search import ForceSignature
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.thresholds import load_thresholds
 
 THRESHOLDS = load_thresholds()

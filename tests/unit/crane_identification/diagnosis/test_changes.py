@@ -11,16 +11,16 @@ from unit.crane_identification.synthetic import AXIS_THETA, axis_log, crane_mode
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis import page, words
-from crane_identification.diagnosis.decision.decision import decide
+from crane_identification.diagnosis.candidates import candidates_of, changes_of
+from crane_identification.diagnosis.decision import decide
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.fit.evidence import Evidence
-from crane_identification.diagnosis.fit.fit import Training, decimation, kept
-from crane_identification.diagnosis.proof.proof import extended
-from crane_identification.diagnosis.search.candidates import candidates_of, changes_of
-from crane_identification.diagnosis.search.projection import whitened_base, whitener
-from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.fit import Training, decimation, kept
+from crane_identification.diagnosis.projection import whitened_base, whitener
+from crane_identification.diagnosis.proof import extended
+from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.fitting import fit
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare

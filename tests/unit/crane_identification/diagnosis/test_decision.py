@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
-from crane_identification.diagnosis.decision.decision import Decision, decide
-from crane_identification.diagnosis.decision.judgement import Reason, Rejection, null_gains
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.decision import Decision, decide
+from crane_identification.diagnosis.judgement import Reason, Rejection, null_gains
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.thresholds import load_thresholds
 
 A, B, C, D = np.linalg.qr(normal(1, ROWS, 4))[0].T * np.sqrt(ROWS)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis import made
 
-from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.judgement import all_judged, marginal
-from crane_identification.diagnosis.decision.lookalikes import stands_apart
-from crane_identification.diagnosis.decision.signatures import judged_beside
-from crane_identification.diagnosis.search.projection import solve
-from crane_identification.diagnosis.search.search import Drawn, Search, Shapes
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.decision import decide
+from crane_identification.diagnosis.judgement import all_judged, marginal
+from crane_identification.diagnosis.lookalikes import stands_apart
+from crane_identification.diagnosis.projection import solve
+from crane_identification.diagnosis.search import Drawn, Search, Shapes
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.signatures import judged_beside
 from crane_identification.thresholds import load_thresholds
 from crane_model.terms.nonparametric import NonparametricPositionForce, hats
 

@@ -9,7 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.decision.judgement import (
+from crane_identification.diagnosis.candidates import Candidate, at_shape
+from crane_identification.diagnosis.evidence import CYCLES, Evidence, Run
+from crane_identification.diagnosis.gap import where_trained
+from crane_identification.diagnosis.judgement import (
     TIME_BLOCKS,
     Judged,
     all_judged,
@@ -17,12 +20,9 @@ from crane_identification.diagnosis.decision.judgement import (
     folds_of,
     helps,
 )
-from crane_identification.diagnosis.fit.evidence import CYCLES, Evidence, Run
-from crane_identification.diagnosis.proof.gap import where_trained
-from crane_identification.diagnosis.search.candidates import Candidate, at_shape
-from crane_identification.diagnosis.search.projection import NOTHING, solve
-from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.projection import NOTHING, solve
+from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.thresholds import load_thresholds
 from crane_model.machine import load_machine
 from crane_model.model_file import Model

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import MASS, ROWS, normal, searched
 
-from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.projection import NOTHING, solve
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.projection import NOTHING, solve
+from crane_identification.diagnosis.search import (
     acting,
     detectable,
     left_share,
@@ -19,7 +19,7 @@ from crane_identification.diagnosis.search.search import (
     unexplained,
     unexplained_beside,
 )
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.search import (
     testable_share as share_that_shows,
 )
 from crane_identification.estimation.autoregression import Autoregression

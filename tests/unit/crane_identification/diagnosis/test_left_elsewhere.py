@@ -10,12 +10,12 @@ from unit.crane_identification.diagnosis.test_verdict import answer as answered
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.answer import with_left
-from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.candidates import candidates_of
+from crane_identification.diagnosis.evidence import gather
 from crane_identification.diagnosis.findings import NearbySignature, UnknownPlace, Verdict
-from crane_identification.diagnosis.fit.evidence import gather
+from crane_identification.diagnosis.judgement import Judged
 from crane_identification.diagnosis.residuals import left_elsewhere
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.search import search
+from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.words import unknown_title
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare

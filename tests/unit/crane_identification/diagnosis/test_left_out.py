@@ -7,11 +7,11 @@ from typing import cast
 import numpy as np
 import pytest
 
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate, at_shape
 from crane_identification.diagnosis.diagnosis import _partly_seen
-from crane_identification.diagnosis.fit.evidence import Evidence, Run
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.visibility import SEEN_SHARE, left_out
+from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.visibility import SEEN_SHARE, left_out
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record

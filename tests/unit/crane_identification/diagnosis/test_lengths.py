@@ -8,18 +8,18 @@ import pytest
 from laboratory_crane import with_linkage
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.fit.evidence import gather
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.projection import NOTHING
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.candidates import candidates_of
+from crane_identification.diagnosis.decision import decide
+from crane_identification.diagnosis.evidence import gather
+from crane_identification.diagnosis.projection import NOTHING
+from crane_identification.diagnosis.search import (
     Search,
     beside_lengths,
     columns_of_lengths,
     search,
     unexplained,
 )
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds

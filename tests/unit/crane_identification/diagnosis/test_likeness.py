@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.decision.judgement import likeness
-from crane_identification.diagnosis.decision.lookalikes import slight
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import Projection
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.judgement import likeness
+from crane_identification.diagnosis.lookalikes import slight
+from crane_identification.diagnosis.projection import Projection
 from crane_identification.thresholds import load_thresholds
 from crane_model.terms import REGISTRY, Term
 

@@ -11,16 +11,16 @@ from laboratory_crane import with_linkage
 from unit.crane_identification.diagnosis import made as made_up
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.decision.decision import decide, left_by_forms
-from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.decision.lookalikes import slight
-from crane_identification.diagnosis.decision.several import smallest
-from crane_identification.diagnosis.fit.evidence import gather
-from crane_identification.diagnosis.proof.proof import Value, differs
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.projection import Subset, solve
-from crane_identification.diagnosis.search.search import Search, search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.candidates import candidates_of
+from crane_identification.diagnosis.decision import decide, left_by_forms
+from crane_identification.diagnosis.evidence import gather
+from crane_identification.diagnosis.judgement import Judged
+from crane_identification.diagnosis.lookalikes import slight
+from crane_identification.diagnosis.projection import Subset, solve
+from crane_identification.diagnosis.proof import Value, differs
+from crane_identification.diagnosis.search import Search, search
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.several import smallest
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds

@@ -9,16 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.fit.evidence import Evidence, gather, residual
-from crane_identification.diagnosis.fit.fit import refit
-from crane_identification.diagnosis.search.candidates import (
+from crane_identification.diagnosis.candidates import (
     agreeing,
     candidates_of,
     one_each,
     weighed,
 )
-from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.evidence import Evidence, gather, residual
+from crane_identification.diagnosis.fit import refit
+from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation

@@ -7,9 +7,9 @@ import pytest
 from unit.crane_identification.diagnosis.test_verdict import THRESHOLDS, effect, gap
 
 from crane_identification.diagnosis.answer import objection_told
-from crane_identification.diagnosis.decision.judgement import Judged, Rejection
-from crane_identification.diagnosis.proof.gap import Gap
-from crane_identification.diagnosis.proof.proof import objection
+from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.judgement import Judged, Rejection
+from crane_identification.diagnosis.proof import objection
 
 
 def told(why: Rejection | None) -> str:

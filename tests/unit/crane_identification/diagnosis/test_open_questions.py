@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.diagnosis import _open_questions
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import Projection
-from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.projection import Projection
+from crane_identification.diagnosis.search import Search
 from crane_identification.thresholds import load_thresholds
 from crane_model.result_file import QuestionKind
 from crane_model.terms import REGISTRY

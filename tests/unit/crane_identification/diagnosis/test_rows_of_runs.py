@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from crane_identification.diagnosis.fit.evidence import Run, thinned
+from crane_identification.diagnosis.evidence import Run, thinned
 from crane_identification.signals.decimate import PASS_BAND_SHARE, decimation_rows
 from crane_model.record import Record
 

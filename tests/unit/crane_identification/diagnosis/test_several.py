@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import MASS, ROWS, evidence, normal, search
 
-from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.judgement import by_chance
-from crane_identification.diagnosis.decision.several import on_several_joints
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import NOTHING
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.decision import decide
+from crane_identification.diagnosis.judgement import by_chance
+from crane_identification.diagnosis.projection import NOTHING
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.several import on_several_joints
 from crane_identification.thresholds import load_thresholds
 from crane_model.terms import REGISTRY
 

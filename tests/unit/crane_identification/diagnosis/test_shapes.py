@@ -17,13 +17,12 @@ from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.diagnosis import page, words
-from crane_identification.diagnosis.decision import signatures
-from crane_identification.diagnosis.decision.decision import decide
+from crane_identification.diagnosis.candidates import candidates_of
+from crane_identification.diagnosis.decision import decide, signatures
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.search import Shapes
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.search import Shapes
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds

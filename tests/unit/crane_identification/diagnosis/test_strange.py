@@ -12,24 +12,24 @@ from unit.crane_identification.diagnosis import made
 from unit.crane_identification.diagnosis.test_lengths import with_link
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.decision.decision import Decision, decide
-from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.decision.lookalikes import (
+from crane_identification.diagnosis.candidates import Candidate, candidates_of
+from crane_identification.diagnosis.decision import Decision, decide
+from crane_identification.diagnosis.evidence import gather
+from crane_identification.diagnosis.judgement import Judged
+from crane_identification.diagnosis.lookalikes import (
     is_of_lengths,
     suspected,
     with_strange,
 )
-from crane_identification.diagnosis.decision.several import factors
-from crane_identification.diagnosis.fit.evidence import gather
-from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.search import (
     ForceSignature,
     Search,
     Shapes,
     gained,
     search,
 )
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.several import factors
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds

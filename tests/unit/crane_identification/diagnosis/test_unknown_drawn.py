@@ -8,7 +8,7 @@ import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
 from crane_identification.diagnosis import residuals
-from crane_identification.diagnosis.search.search import ForceSignature
+from crane_identification.diagnosis.search import ForceSignature
 from crane_model.terms import NonparametricCurve
 
 KNOTS, UNREACHED = 8, (3, 6)

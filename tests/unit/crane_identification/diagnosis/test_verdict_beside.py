@@ -20,12 +20,12 @@ from crane_identification.diagnosis.answer import (
     with_pulsation,
     with_too_little,
 )
-from crane_identification.diagnosis.decision.decision import Decision
-from crane_identification.diagnosis.decision.judgement import Reason, Rejection
+from crane_identification.diagnosis.decision import Decision
 from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.flow import Flow, Gain, Quantity
-from crane_identification.diagnosis.proof.gap import Line, pulsations
-from crane_identification.diagnosis.proof.proof import Proof, objection
+from crane_identification.diagnosis.gap import Line, pulsations
+from crane_identification.diagnosis.judgement import Reason, Rejection
+from crane_identification.diagnosis.proof import Proof, objection
 
 CLOSED = gap(0.0113, 0.0006)
 USUAL = 0.005  # share of the flow that is left unexplained

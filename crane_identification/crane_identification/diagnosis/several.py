@@ -12,22 +12,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.judgement import (
+from crane_identification.diagnosis.evidence import beside, leading
+from crane_identification.diagnosis.judgement import (
     Judged,
     Rival,
     by_chance,
     held_out_gains,
     marginal,
 )
-from crane_identification.diagnosis.fit.evidence import beside, leading
-from crane_identification.diagnosis.search.projection import (
+from crane_identification.diagnosis.projection import (
     NOTHING,
     Projection,
     Subset,
     extended,
     solve,
 )
-from crane_identification.diagnosis.search.search import Search, columns_of_lengths, gained
+from crane_identification.diagnosis.search import Search, columns_of_lengths, gained
 from crane_identification.thresholds import Thresholds
 
 FEWEST_JOINTS = 3

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import Evidence, residual
-from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.diagnosis.evidence import Evidence, residual
+from crane_identification.diagnosis.fit import Fitted
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent

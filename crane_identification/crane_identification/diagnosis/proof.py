@@ -9,10 +9,14 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from crane_identification.data.column_map import COUNTS
-from crane_identification.diagnosis.decision.judgement import Judged, Reason, Rejection, folds
-from crane_identification.diagnosis.fit.evidence import beside, gather, leading, normed, residual
-from crane_identification.diagnosis.fit.fit import Fitted, Training, UndeterminedError, refit_anyway
-from crane_identification.diagnosis.proof.gap import (
+from crane_identification.diagnosis.candidates import (
+    NO_LOAD,
+    Candidate,
+    ShapedCandidate,
+)
+from crane_identification.diagnosis.evidence import beside, gather, leading, normed, residual
+from crane_identification.diagnosis.fit import Fitted, Training, UndeterminedError, refit_anyway
+from crane_identification.diagnosis.gap import (
     RESOLUTION,
     Gap,
     Learnt,
@@ -23,13 +27,9 @@ from crane_identification.diagnosis.proof.gap import (
     pulsations,
     unchanged,
 )
-from crane_identification.diagnosis.search.candidates import (
-    NO_LOAD,
-    Candidate,
-    ShapedCandidate,
-)
-from crane_identification.diagnosis.search.projection import whitened_base
-from crane_identification.diagnosis.search.search import Search, left_share, normalized_energy
+from crane_identification.diagnosis.judgement import Judged, Reason, Rejection, folds
+from crane_identification.diagnosis.projection import whitened_base
+from crane_identification.diagnosis.search import Search, left_share, normalized_energy
 from crane_identification.thresholds import Thresholds
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.judgement import (
+from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.judgement import (
     Beyond,
     Judged,
     Reason,
@@ -17,8 +18,11 @@ from crane_identification.diagnosis.decision.judgement import (
     likeness,
     simplest,
 )
-from crane_identification.diagnosis.decision.lookalikes import of_one_form, with_strange
-from crane_identification.diagnosis.decision.several import (
+from crane_identification.diagnosis.lookalikes import of_one_form, with_strange
+from crane_identification.diagnosis.projection import NOTHING, Subset
+from crane_identification.diagnosis.search import Search, beside_lengths
+from crane_identification.diagnosis.selection import LARGEST_SET, ForwardSelection
+from crane_identification.diagnosis.several import (
     as_kinds,
     best_pair,
     gain_of_few,
@@ -26,17 +30,13 @@ from crane_identification.diagnosis.decision.several import (
     or_lengths,
     smallest,
 )
-from crane_identification.diagnosis.decision.signatures import (
+from crane_identification.diagnosis.signatures import (
     as_drawn,
     best_beside,
     judged_beside,
     of_better_signature,
     start_beside,
 )
-from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.projection import NOTHING, Subset
-from crane_identification.diagnosis.search.search import Search, beside_lengths
-from crane_identification.diagnosis.search.selection import LARGEST_SET, ForwardSelection
 from crane_identification.thresholds import Thresholds
 
 

@@ -13,8 +13,8 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import ThreadpoolController
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis.decision.judgement import HeldOutChange
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.candidates import Weighed, with_own_loads
+from crane_identification.diagnosis.evidence import (
     TINY,
     Evidence,
     Features,
@@ -24,8 +24,8 @@ from crane_identification.diagnosis.fit.evidence import (
     residual,
     row_noise,
 )
-from crane_identification.diagnosis.fit.fit import Fitted
-from crane_identification.diagnosis.search.candidates import Weighed, with_own_loads
+from crane_identification.diagnosis.fit import Fitted
+from crane_identification.diagnosis.judgement import HeldOutChange
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
 from crane_identification.preparation.run import Preparation, noise_of_mean
 from crane_identification.signals.decimate import decimate

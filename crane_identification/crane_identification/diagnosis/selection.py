@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from crane_identification.diagnosis.fit.evidence import beside, leading
-from crane_identification.diagnosis.search.candidates import (
+from crane_identification.diagnosis.candidates import (
     LOADS,
     Candidate,
     ShapedCandidate,
@@ -17,7 +16,8 @@ from crane_identification.diagnosis.search.candidates import (
     load_of,
     one_each,
 )
-from crane_identification.diagnosis.search.projection import (
+from crane_identification.diagnosis.evidence import beside, leading
+from crane_identification.diagnosis.projection import (
     BEAM,
     NOTHING,
     Base,
@@ -29,7 +29,7 @@ from crane_identification.diagnosis.search.projection import (
     project,
     solve,
 )
-from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search import Search
 from crane_model.progress_bar import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined

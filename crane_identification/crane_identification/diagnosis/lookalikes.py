@@ -4,7 +4,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.judgement import (
+from crane_identification.diagnosis.candidates import ShapedCandidate
+from crane_identification.diagnosis.judgement import (
     Beyond,
     Judged,
     held_out_gains,
@@ -12,11 +13,8 @@ from crane_identification.diagnosis.decision.judgement import (
     marginal,
     without,
 )
-from crane_identification.diagnosis.decision.several import factors
-from crane_identification.diagnosis.decision.signatures import chance_of
-from crane_identification.diagnosis.search.candidates import ShapedCandidate
-from crane_identification.diagnosis.search.projection import Subset
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.projection import Subset
+from crane_identification.diagnosis.search import (
     ForceSignature,
     Search,
     beside_lengths,
@@ -27,6 +25,8 @@ from crane_identification.diagnosis.search.search import (
     unexplained,
     unexplained_on_joints,
 )
+from crane_identification.diagnosis.several import factors
+from crane_identification.diagnosis.signatures import chance_of
 from crane_identification.thresholds import Thresholds
 
 # Whether a further effect, however weak, is none of what stronger ones leave over.

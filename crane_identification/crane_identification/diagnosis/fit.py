@@ -8,7 +8,7 @@ from math import ceil
 import numpy as np
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.evidence import (
     VISIBLE_SHARE,
     Evidence,
     Zone,

@@ -7,14 +7,14 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.evidence import (
     ROUNDING_SHARE,
     Evidence,
     beside,
     leading,
     says_nothing,
 )
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.estimation.autoregression import (
     Autoregression,
     predictors_of,

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import TINY, Evidence, beside, leading
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import (
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.evidence import TINY, Evidence, beside, leading
+from crane_identification.diagnosis.projection import (
     NOTHING,
     SINGULAR_SHARE,
     BesideSet,
@@ -20,8 +20,8 @@ from crane_identification.diagnosis.search.projection import (
     extended,
     solve,
 )
-from crane_identification.diagnosis.search.search import Search, strength, unexplained_beside
-from crane_identification.diagnosis.search.selection import others
+from crane_identification.diagnosis.search import Search, strength, unexplained_beside
+from crane_identification.diagnosis.selection import others
 from crane_identification.thresholds import Thresholds
 
 # What chance alone explains, and the score that an effect therefore needs.

@@ -6,7 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.candidates import (
+    Candidate,
+    ShapedCandidate,
+    at_shape,
+    observed,
+)
+from crane_identification.diagnosis.evidence import (
     VISIBLE_SHARE,
     Evidence,
     beside,
@@ -14,13 +20,7 @@ from crane_identification.diagnosis.fit.evidence import (
     over_zones,
     relative,
 )
-from crane_identification.diagnosis.search.candidates import (
-    Candidate,
-    ShapedCandidate,
-    at_shape,
-    observed,
-)
-from crane_identification.diagnosis.search.projection import (
+from crane_identification.diagnosis.projection import (
     NOTHING,
     Base,
     Projection,
@@ -31,7 +31,7 @@ from crane_identification.diagnosis.search.projection import (
     whitened_base,
     whitener,
 )
-from crane_identification.diagnosis.search.visibility import (
+from crane_identification.diagnosis.visibility import (
     holds_noise,
     is_the_force_itself,
     left_out,

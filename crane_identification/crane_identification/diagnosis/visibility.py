@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.evidence import (
     MOST_SHARE,
     TINY,
     VISIBLE_SHARE,
@@ -20,8 +21,7 @@ from crane_identification.diagnosis.fit.evidence import (
     beside,
     leading,
 )
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import (
+from crane_identification.diagnosis.projection import (
     FORCE_CORRELATION,
     SINGULAR_SHARE,
     Base,

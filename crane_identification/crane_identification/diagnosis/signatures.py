@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from crane_identification.diagnosis.decision.judgement import (
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.evidence import TINY, beside, leading, least_squares
+from crane_identification.diagnosis.judgement import (
     Folds,
     Judged,
     Reason,
@@ -23,11 +25,8 @@ from crane_identification.diagnosis.decision.judgement import (
     in_place_of,
     without,
 )
-from crane_identification.diagnosis.decision.several import as_kinds
-from crane_identification.diagnosis.fit.evidence import TINY, beside, leading, least_squares
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import Subset, solve
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.projection import Subset, solve
+from crane_identification.diagnosis.search import (
     ForceSignature,
     Search,
     explained,
@@ -35,7 +34,8 @@ from crane_identification.diagnosis.search.search import (
     strength,
     unexplained_beside,
 )
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.several import as_kinds
 from crane_identification.thresholds import Thresholds
 from crane_model.terms.nonparametric import NonparametricTerm
 
