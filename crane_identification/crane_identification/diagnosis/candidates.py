@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from crane_identification.diagnosis.evidence import Evidence, residual
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.fit import Fitted
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
@@ -109,8 +109,8 @@ def with_own_loads(
     model: Model, training: Evidence, held_out: Evidence
 ) -> tuple[Model, tuple[Weighed, ...]]:
     """The model with what each held-out recording carries, and these loads."""
-    usual = training.rms(residual(training, model))
-    return weighed(model, held_out, residual(held_out, model), usual)
+    usual = training.rms(training.residual(model))
+    return weighed(model, held_out, held_out.residual(model), usual)
 
 
 def weighed(

@@ -20,7 +20,7 @@ from crane_identification.diagnosis.judgement import (
 )
 from crane_identification.diagnosis.lookalikes import of_one_form, with_strange
 from crane_identification.diagnosis.projection import NOTHING, Subset
-from crane_identification.diagnosis.search import Search, beside_lengths
+from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.selection import LARGEST_SET, ForwardSelection
 from crane_identification.diagnosis.several import (
     as_kinds,
@@ -54,31 +54,34 @@ class Decision:
     beyond: tuple[Beyond, ...]
 
 
-def decide(selection: ForwardSelection, thresholds: Thresholds) -> Decision:
+def decide(selection: ForwardSelection) -> Decision:
     """The largest set all of whose effects pass, with those that several joints lack at once or, if
     the force of a joint is scaled, beside lengths that are not those of the file.
     """
-    first_threshold = by_chance(selection.search, NOTHING, thresholds)
-    passed = settled = _together(selection, first_threshold, thresholds)
+    threshold = by_chance(selection.search, NOTHING)
+    passed = settled = _together(selection, threshold)
     first: _Weighed | None = None
-    for one in _growing(selection, settled, first_threshold, thresholds):
+    for one in _growing(selection, settled, threshold):
         first = first or one
         if one.rejections:
             continue
         passed = one.found
         if not settled and any(_scales(each) for each in passed):
-            passed = _beside_lengths(selection, passed, first_threshold, thresholds)
+            passed = _beside_lengths(selection, passed, threshold)
             break
-    passed = as_drawn(selection, passed, thresholds)
+    passed = as_drawn(selection, passed)
     if start_beside(selection, passed):
-        passed = _largest(_growing(selection, passed, first_threshold, thresholds), passed)
-    passed, beyond = with_strange(selection.search, passed, first_threshold, thresholds)
+        passed = _largest(_growing(selection, passed, threshold), passed)
+    passed, beyond = with_strange(selection.search, passed, threshold)
     passed = or_lengths(selection.search, sorted(passed, key=lambda one: -one.score))
     if settled or first is None:
-        return Decision(passed, first_threshold, (), (), beyond)
-    if first.rejections and all(_shows(one, thresholds) for one in first.found):
-        beyond = (_refused(first), *beyond)
-    return Decision(passed, first_threshold, first.found, first.rejections, beyond)
+        return Decision(passed, threshold, (), (), beyond)
+    least = selection.search.thresholds.gates.smallest_strength
+    shows = (one.strength >= least and one.score > one.threshold for one in first.found)
+    if first.rejections and all(shows):  # more than machines from which nothing is missing
+        labels = tuple(one.shaped.candidate.label for one in first.found)
+        beyond = (Beyond(effects=labels, rejections=first.rejections), *beyond)
+    return Decision(passed, threshold, first.found, first.rejections, beyond)
 
 
 class _Weighed(NamedTuple):
@@ -89,10 +92,7 @@ class _Weighed(NamedTuple):
 
 
 def _growing(
-    selection: ForwardSelection,
-    settled: tuple[Judged, ...],
-    threshold: float,
-    thresholds: Thresholds,
+    selection: ForwardSelection, settled: tuple[Judged, ...], threshold: float
 ) -> Iterator[_Weighed]:
     """Yield the best set of one effect more than the `settled` ones, then of two more, and so on.
     Effects that do not pass are refused, until no set gains more than chance, or than the form of
@@ -105,13 +105,13 @@ def _growing(
         if best is None:
             return
         gain = best.gain - selection.sets(size - 1)[0].gain
-        if gain < left_by_forms(passed, thresholds):
+        if gain < left_by_forms(passed, selection.search.thresholds):
             return
-        yield (weighed := _weighed(selection.search, best, settled, threshold, thresholds))
+        yield (weighed := _weighed(selection.search, best, settled, threshold))
         if not weighed.rejections:
             passed = weighed.found
         elif gain > threshold:
-            selection.refuse(size, _new(selection.search, best, passed, thresholds))
+            selection.refuse(size, _new(selection.search, best, passed))
         else:
             return
 
@@ -124,53 +124,45 @@ def left_by_forms(passed: Sequence[Judged], thresholds: Thresholds) -> float:
     return thresholds.method.elsewhere_share * most
 
 
-def _new(
-    search: Search, subset: Subset, passed: tuple[Judged, ...], thresholds: Thresholds
-) -> set[Candidate]:
+def _new(search: Search, subset: Subset, passed: tuple[Judged, ...]) -> set[Candidate]:
     """The candidates of a set beside those that passed, and all that are but forms of them."""
     candidates = search.projection.candidates
     known = {one.shaped.candidate for one in passed}
     numbers = [i for i in subset.numbers if candidates[i].candidate not in known]
-    alike = thresholds.method.form_correlation
     effect, refused = search.projection.effect, set[Candidate]()
     for number in numbers or subset.numbers:
         same = effect == effect[number]
-        same |= likeness(search, number, range(len(candidates))) > alike
+        alike = likeness(search, number, range(len(candidates)))
+        same |= alike > search.thresholds.method.form_correlation
         refused |= {candidates[i].candidate for i in np.flatnonzero(same)}
     return refused - known
 
 
 def _weighed(
-    search: Search,
-    best: Subset,
-    settled: tuple[Judged, ...],
-    threshold: float,
-    thresholds: Thresholds,
+    search: Search, best: Subset, settled: tuple[Judged, ...], threshold: float
 ) -> _Weighed:
     """The effects of a set by every test; `settled` scales and curves are not tested again."""
     known = len(settled)
-    subset = simplest(search, best, thresholds, threshold, known)
+    subset = simplest(search, best, threshold, known)
     subset = smallest(search, subset, threshold)
     several = len(subset.numbers) > 1
-    if several and of_one_form(search, subset, threshold, thresholds, known):
+    if several and of_one_form(search, subset, threshold, known):
         return _Weighed((), (Rejection(Reason.FORM),))
-    subset, strange = of_better_signature(search, subset, thresholds, known)
-    found = judged_beside(search, subset, settled, thresholds)
+    subset, strange = of_better_signature(search, subset, known)
+    found = judged_beside(search, subset, settled)
     asked = [
         one
         for k, one in enumerate(found)
         if k >= known or not (_scales(one) or one.shaped.candidate.drawn)
     ]
-    wrong = [why for one in asked if (why := objection(one, thresholds))] or strange
+    wrong = [why for one in asked if (why := objection(one, search.thresholds))] or strange
     weakest = min(found[known:], key=lambda one: one.score)
-    if not wrong and several and _vague(weakest, thresholds):
+    # A rest that others of another shape explain as well remains if the first effect has another
+    # form.
+    vague = weakest.indistinct and (weakest.correlation < search.thresholds.method.form_correlation)
+    if not wrong and several and vague:
         wrong = [Rejection(Reason.RIVALS, about=(weakest.shaped.candidate.label,))]
     return _Weighed(tuple(found), tuple(wrong))
-
-
-def _refused(one: _Weighed) -> Beyond:
-    labels = tuple(each.shaped.candidate.label for each in one.found)
-    return Beyond(effects=labels, rejections=one.rejections)
 
 
 def _largest(growing: Iterable[_Weighed], settled: tuple[Judged, ...]) -> tuple[Judged, ...]:
@@ -180,45 +172,36 @@ def _largest(growing: Iterable[_Weighed], settled: tuple[Judged, ...]) -> tuple[
 
 
 def _beside_lengths(
-    selection: ForwardSelection,
-    passed: tuple[Judged, ...],
-    threshold: float,
-    thresholds: Thresholds,
+    selection: ForwardSelection, passed: tuple[Judged, ...], threshold: float
 ) -> tuple[Judged, ...]:
-    """What passes beside lengths of all links and the scales of two joints' forces, which stand for
-    those of all; these as well, as far as they pass.
-
-    Lengths that are not those of the file are so on each joint. With one scale alone, what the
-    others leave may be taken for a further effect.
+    """The effects that pass beside lengths of all links and the scales of two joints' forces, which
+    stand for those of all; these as well, as far as they pass. Lengths that are not those of the
+    file are so on each joint. With one scale alone, what the others leave may be taken for a
+    further effect.
     """
-    search = selection.search = beside_lengths(selection.search)
+    search = selection.search = selection.search.beside_lengths()
     named = search.together(one.shaped for one in passed if _scales(one))
     scales = max(best_pair(search), named, key=lambda one: one.gain)
     scales = smallest(search, scales, threshold)
     selection.go_on_from(scales)
-    settled = tuple(all_judged(selection.search, scales, thresholds))
-    found = _largest(_growing(selection, settled, threshold, thresholds), settled)
-    return _sure(selection, found, thresholds) or passed
+    settled = tuple(all_judged(selection.search, scales))
+    found = _largest(_growing(selection, settled, threshold), settled)
+    return _sure(selection, found) or passed
 
 
-def _sure(
-    selection: ForwardSelection, found: tuple[Judged, ...], thresholds: Thresholds
-) -> tuple[Judged, ...]:
+def _sure(selection: ForwardSelection, found: tuple[Judged, ...]) -> tuple[Judged, ...]:
     """The effects without scales that do not pass, and without the weaker one of two if one of them
     is indistinct from what is no scale; judged without them.
     """
     scales = sorted((one for one in found if _scales(one)), key=lambda one: one.score)
-    out = [one for one in scales if objection(one, thresholds)]
-    out += scales[:1] if len(scales) > 1 and any(_mistakable(one) for one in scales) else []
+    out = [one for one in scales if objection(one, selection.search.thresholds)]
+    mistakable = any(not other.effect.formless for one in scales for other in one.indistinct)
+    out += scales[:1] if len(scales) > 1 and mistakable else []
     left = [one for one in found if not any(one is other for other in out)]
     if len(left) == len(found) or not left:
         return tuple(left)
     selection.go_on_from(selection.search.together(one.shaped for one in left))
-    return tuple(all_judged(selection.search, selection.search.sets[-1][0], thresholds))
-
-
-def _mistakable(one: Judged) -> bool:
-    return not all(other.effect.formless for other in one.indistinct)
+    return tuple(all_judged(selection.search, selection.search.sets[-1][0]))
 
 
 def _scales(one: Judged) -> bool:
@@ -226,21 +209,20 @@ def _scales(one: Judged) -> bool:
     return one.shaped.candidate.effect.formless
 
 
-def _together(
-    selection: ForwardSelection, threshold: float, thresholds: Thresholds
-) -> tuple[Judged, ...]:
+def _together(selection: ForwardSelection, threshold: float) -> tuple[Judged, ...]:
     """Effects that are missing on several joints at once, each judged beside the rest; none if one
     effect, or scales of the forces of two joints, explains about as much.
     """
     search = selection.search
-    subset = on_several_joints(search, threshold, thresholds)
-    if subset.gain - gain_of_few(search) <= thresholds.method.further_share * subset.gain:
+    subset = on_several_joints(search, threshold)
+    few = search.thresholds.method.further_share * subset.gain
+    if subset.gain - gain_of_few(search) <= few:
         return ()
     while subset.numbers:
         selection.go_on_from(subset)
-        found = all_judged(selection.search, subset, thresholds)
-        found = as_kinds(selection.search, found, len(found), thresholds)
-        left = [one for one in found if not objection(one, thresholds)]
+        found = all_judged(selection.search, subset)
+        found = as_kinds(selection.search, found, len(found))
+        left = [one for one in found if not objection(one, search.thresholds)]
         if len(left) == len(found):
             return tuple(found)
         subset = search.together(one.shaped for one in left)
@@ -252,24 +234,10 @@ def objection(one: Judged, thresholds: Thresholds) -> Rejection | None:
     """The test that an effect does not pass; None if it passes all."""
     if one.score <= one.threshold:
         return Rejection(Reason.SCORE, one.score, one.threshold)
-    scales = _scales(one)  # what is usual of it says its value
     least = thresholds.gates.smallest_strength
-    if one.strength < least and not scales:
+    if one.strength < least and not _scales(one):  # what is usual of a scale says its value
         return Rejection(Reason.STRENGTH, one.strength, least)
     if not helps(one.held_out, thresholds):
         asked = one.held_out[np.isfinite(one.held_out)]
         return Rejection(Reason.HELD_OUT, int((asked > 0.0).sum()), len(one.held_out))
     return None
-
-
-def _shows(one: Judged, thresholds: Thresholds) -> bool:
-    """Return whether an effect exceeds that of machines from which nothing is missing."""
-    strong = one.strength >= thresholds.gates.smallest_strength
-    return strong and one.score > one.threshold
-
-
-def _vague(one: Judged, thresholds: Thresholds) -> bool:
-    """Return whether a further effect is no better than others of another shape. Such a rest
-    remains if the first effect has another form.
-    """
-    return bool(one.indistinct) and one.correlation < thresholds.method.form_correlation

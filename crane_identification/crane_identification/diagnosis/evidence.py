@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from scipy import ndimage, signal
 
+from crane_identification.data.column_map import COUNTS
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
 from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import PASS_BAND_SHARE, decimation_rows
@@ -68,12 +69,12 @@ class Run:
 
     @cached_property
     def seen(self) -> np.ndarray:
-        """(samples, j): 1.0 where a channel of the joint sees it."""
+        """Samples (samples, j) that a channel of the joint sees, as 1.0."""
         joints = self.record.position.shape[1]
         return (self.gate.reshape(len(self.gate), -1, joints) > 0.0).any(axis=1).astype(float)
 
     def reached(self, flags: np.ndarray) -> np.ndarray:
-        """(n, ...): whether the filter of a row reaches a sample with a flag (samples, ...)."""
+        """Return whether the filter of a row (n, ...) reaches a flag (samples, ...)."""
         size = 1 if self.factor == 1 else CYCLES * self.factor + 1
         return ndimage.maximum_filter1d(flags.astype(np.uint8), size, axis=0)[self.kept] > 0
 
@@ -170,19 +171,16 @@ def _response(factor: int) -> np.ndarray:
     )
 
 
-# What a law may depend on: quantities of the records, by name.
-
-
 @dataclass(frozen=True)
 class Features:
-    """What a law may depend on: `values` (n, f) at the rows of the evidence, and their names."""
+    """Quantities that a law may depend on: `values` (n, f) on the rows, and their names."""
 
     names: tuple[str, ...]
     values: np.ndarray
 
 
 def quantities(record: Record) -> dict[str, np.ndarray]:
-    """What a law may depend on, by name: (n,) each."""
+    """Quantities (n,) that a law may depend on, by name."""
     out: dict[str, np.ndarray] = {}
     for j, joint in enumerate(record.joints):
         q, v = record.position[:, j], record.velocity[:, j]
@@ -202,6 +200,11 @@ def quantities(record: Record) -> dict[str, np.ndarray]:
         out["temperature"] = record.temperature
     out["time"] = record.time
     return out
+
+
+def counted(unit: str) -> str:
+    """The unit of a quantity of sensors that are not calibrated."""
+    return unit if unit in ("1", "s", "°C") else COUNTS
 
 
 def way_since_turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -238,6 +241,7 @@ class Evidence:
     Channels are the j joints in the first zone, then in the second. `run` and `bag` (n,) number
     runs and recordings. The first columns of `base` are the regressor of the model, the rest
     nuisance close to reversals. If values of the model are kept, `std_devs` (p,) are theirs.
+    Sensors that are not calibrated give `counts`.
     """
 
     model: Model
@@ -249,6 +253,7 @@ class Evidence:
     base: np.ndarray
     used: np.ndarray
     std_devs: np.ndarray | None = None
+    counts: bool = False
 
     @property
     def keeps(self) -> bool:
@@ -317,6 +322,32 @@ class Evidence:
     @cached_property
     def force_rms(self) -> np.ndarray:
         return self.rms(self.force)
+
+    def over_zones(self, values: np.ndarray) -> np.ndarray:
+        """Root mean square (j,) of values (n, c) over the used rows of both zones of a joint."""
+        shape = len(values), -1, len(self.joints)
+        power = (np.where(self.used, values, 0.0) ** 2).reshape(shape)
+        rows = self.used.reshape(shape).sum(axis=(0, 1))
+        return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
+
+    def relative(self, values: np.ndarray) -> np.ndarray:
+        """The same (j,) over that of the force."""
+        return self.over_zones(values) / self.over_zones(self.force)
+
+    def acting(self, columns: np.ndarray, values: np.ndarray) -> float:
+        """Root mean square of an effect, columns (n, c, k) with these values (k,), over that of the
+        drive force of its joint.
+        """
+        return float(np.nan_to_num(self.relative(columns @ values)).max())
+
+    def residual(self, model: Model) -> np.ndarray:
+        """Measured less predicted force (n, c)."""
+        predicted = self.regressor(model) @ model.theta
+        return np.where(self.used, self.force - predicted, 0.0)
+
+    def unit(self, unit: str) -> str:
+        """A unit, or counts if that is what sensors give."""
+        return counted(unit) if self.counts else unit
 
     def rms(self, values: np.ndarray) -> np.ndarray:
         """Root mean square (c,) of values (n, c) over the used rows."""
@@ -458,22 +489,3 @@ def says_nothing(used: np.ndarray, known: np.ndarray) -> bool:
     its base.
     """
     return bool(used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS))
-
-
-def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:
-    """Root mean square (j,) of values (n, c) over the used rows of both zones of each joint."""
-    joints = len(evidence.joints)
-    power = (np.where(evidence.used, values, 0.0) ** 2).reshape(len(values), -1, joints)
-    rows = evidence.used.reshape(len(values), -1, joints).sum(axis=(0, 1))
-    return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
-
-
-def relative(evidence: Evidence, values: np.ndarray) -> np.ndarray:
-    """The same (j,) over that of the force."""
-    return over_zones(evidence, values) / over_zones(evidence, evidence.force)
-
-
-def residual(evidence: Evidence, model: Model) -> np.ndarray:
-    """Measured less predicted force (n, c) on the rows of the evidence."""
-    predicted = evidence.regressor(model) @ model.theta
-    return np.where(evidence.used, evidence.force - predicted, 0.0)

@@ -312,13 +312,9 @@ class LeftResidual(ResultPart):
     """Where it sits."""
 
 
-class Untried(ResultPart):
+class Untried(FoundEffect):
     """An effect that was not tried."""
 
-    effect: str
-    """Its type."""
-    joint: str
-    """The joint, or `all`."""
     reason: str
     """Why not."""
 

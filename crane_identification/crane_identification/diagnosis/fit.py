@@ -202,6 +202,7 @@ def fitted(
         if fixed
         else determined(model, train, given.factor, given.sources)
     )
+    uncalibrated = tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated))
     absent = (p.name for term in left_out for p in term.parameters(model.setting))
     periods, not_periodic = _averaged(model, validation, options) if options.average else ((), [])
     return Fitted(
@@ -209,12 +210,12 @@ def fitted(
         left_out=left_out,
         undetermined=(*absent, *held),
         training=given,
-        evidence=evidence,
+        evidence=replace(evidence, counts=bool(uncalibrated)),
         held_out=gather(before, hold, given.factor, first_run=len(train)),
         fixed=fixed,
         periods=periods,
         session=session,
-        uncalibrated=tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated)),
+        uncalibrated=uncalibrated,
         warnings=(*(one for log in logs for one in log.warnings), *not_periodic),
     )
 

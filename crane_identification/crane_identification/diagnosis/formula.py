@@ -17,17 +17,16 @@ from scipy.optimize import minimize
 
 from crane_identification.diagnosis.evidence import (
     MOST_SHARE,
+    TINY,
     VISIBLE_SHARE,
     Evidence,
     beside,
     least_squares,
-    relative,
 )
 from crane_identification.diagnosis.findings import FoundFormula, FoundParameter
 from crane_identification.diagnosis.gap import Gap, where_trained
 from crane_identification.diagnosis.residuals import (
     OF_NO_JOINT,
-    as_counted,
     on_rows,
     read,
     solved,
@@ -99,9 +98,7 @@ class FormulaTerm:
     times: str
 
 
-def formula(
-    search: Search, held_out: Evidence, gap: Gap, j: int, counts: bool = False
-) -> FoundFormula | None:
+def formula(search: Search, held_out: Evidence, gap: Gap, j: int) -> FoundFormula | None:
     """The formula that explains the residual of joint number j best; None if no short one does."""
     grammar = _Grammar(search, j)
     best: tuple[float, FoundFormula] | None = None
@@ -111,7 +108,7 @@ def formula(
         if best is not None and gain - known < LEAST_SHARE * grammar.beyond:
             break
         known = gain
-        found = _tested(search, held_out, gap, j, terms, counts)
+        found = _tested(search, held_out, gap, j, terms)
         if best is None or (found.closed_share or 0.0) > best[0] + LEAST_SHARE:
             best = (found.closed_share or 0.0), found
     return best[1] if best is not None and best[0] >= MOST_SHARE else None
@@ -259,14 +256,14 @@ def _columns(evidence: Evidence, terms: Sequence[FormulaTerm], j: int) -> np.nda
 
 
 def _tested(
-    search: Search, held_out: Evidence, gap: Gap, j: int, terms: Sequence[FormulaTerm], counts: bool
+    search: Search, held_out: Evidence, gap: Gap, j: int, terms: Sequence[FormulaTerm]
 ) -> FoundFormula:
     """The formula with its coefficients, and its effect on the held-out recordings."""
-    evidence, base, terms = search.evidence, search.base, list(terms)
+    evidence, terms = search.evidence, list(terms)
     while True:
         columns = _columns(evidence, terms, j)
-        fit = solved(search, beside(base.basis, search.whitener(columns)))
-        sure = np.abs(fit.values) / np.maximum(fit.std_devs, np.finfo(float).tiny)
+        fit = solved(search, search.beside(columns))
+        sure = np.abs(fit.values) / np.maximum(fit.std_devs, TINY)
         if len(terms) == 1 or sure.min() >= SURE_SIGMAS:
             break
         del terms[int(sure.argmin())]
@@ -275,7 +272,7 @@ def _tested(
         theta = _base_values(search, columns @ added)
         force = held_out.base[:, :, : len(theta)] @ theta
         force = force + _columns(held_out, terms, j) @ added
-        left.append(relative(rows, np.where(held_out.used, held_out.force - force, 0.0)))
+        left.append(rows.relative(np.where(held_out.used, held_out.force - force, 0.0)))
     closed = replace(gap.held_to, before=left[0], after=left[1]).closed_on([j])
     pairs = zip(NAMES, terms, fit.values.tolist(), fit.std_devs.tolist(), strict=False)
     return FoundFormula(
@@ -285,7 +282,7 @@ def _tested(
                 name=name,
                 value=value,
                 std_dev=std_dev,
-                unit=as_counted(_unit(evidence, j, one), counts),
+                unit=evidence.unit(_unit(evidence, j, one)),
                 minimum=None,
                 determined=is_determined(value, std_dev),
             )

@@ -14,16 +14,7 @@ from threadpoolctl import ThreadpoolController
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis.candidates import Weighed, with_own_loads
-from crane_identification.diagnosis.evidence import (
-    TINY,
-    Evidence,
-    Features,
-    Run,
-    over_zones,
-    relative,
-    residual,
-    row_noise,
-)
+from crane_identification.diagnosis.evidence import TINY, Evidence, Run, row_noise
 from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.judgement import HeldOutChange
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
@@ -110,8 +101,9 @@ class Learnt:
         return (self.p_value < limit) & (self.strength > thresholds.gates.smallest_strength)
 
 
-def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.ndarray) -> Learnt:
-    """Predict the residual (n, j) of each fold (n,) from the others."""
+def learn(evidence: Evidence, residual: np.ndarray, fold: np.ndarray) -> Learnt:
+    """Predict the residual (n, c) of each fold (n,) from the others, on each joint (j,)."""
+    known = evidence.known
 
     def learnt(j: int) -> tuple[np.ndarray, float, float, float]:
         used, measured = evidence.used[:, j], residual[:, j]
@@ -135,7 +127,7 @@ def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.nd
         strength = np.sqrt(max(power - left, 0.0) / used.sum()) / evidence.force_rms[j]
         return prediction, share, _by_chance(gain[used]), strength
 
-    prediction, *figures = zip(*map(learnt, range(residual.shape[1])), strict=True)
+    prediction, *figures = zip(*map(learnt, range(len(evidence.joints))), strict=True)
     return Learnt(np.stack(prediction, axis=1), *map(np.array, figures))
 
 
@@ -249,6 +241,12 @@ class Gap(HeldOut):
     def largest_before(self) -> np.ndarray:
         return np.maximum(self.before, self.training_before)
 
+    @property
+    def worst(self) -> int:
+        """Number of the joint whose force errs most, beyond what is noise there."""
+        error, noise = self.largest_before, np.nan_to_num(self.method.clean_factor * self.floor)
+        return int(np.argmax(error**2 - np.minimum(noise, error) ** 2))
+
     def over(self, errors: np.ndarray, scatter: str) -> np.ndarray:
         """Errors (j,) over the noise floor, NaN where none is known, or over what the scatter of
         samples and surveyed lengths account for.
@@ -283,7 +281,7 @@ class Unchanged(NamedTuple):
 
 def unchanged(fit: Fitted) -> Unchanged:
     """The part of the gap that no effect changes."""
-    left, j = residual(fit.evidence, fit.before), len(fit.before.joints)
+    left, j = fit.evidence.residual(fit.before), len(fit.before.joints)
     expected = predict_elsewhere(fit.evidence.moving, left[:, :j], fit.held_out.moving)
     return Unchanged(left, expected, _motion(fit, fit.before))
 
@@ -301,37 +299,28 @@ def measure(fit: Fitted, after: Model, method: Method, known: Unchanged) -> Gap:
     noise = scatter_of_periods(fit.periods, held_out.runs[0].factor, j)
     doubt = uncertain(held_out, after) if training.keeps else 0.0
     after, loads = with_own_loads(after, training, held_out)
-    old, new = residual(held_out, before), residual(held_out, after)
+    old, new = held_out.residual(before), held_out.residual(after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
     learnt[:, :j] = known.expected - old[:, :j]
-    everywhere, trained = (
-        _errors(rows, (old, new, learnt), noise, method)
-        for rows in (held_out, where_trained(training, held_out))
-    )
+
+    def errors(rows: Evidence) -> HeldOut:
+        size = np.maximum(rows.over_zones(rows.force), TINY)
+        first, last, best = (rows.over_zones(values) / size for values in (old, new, learnt))
+        return HeldOut(rows.joints, first, last, noise / size, np.minimum(best, first), method)
+
     return Gap(
-        **vars(everywhere),
-        training_before=relative(training, known.training),
-        training_after=relative(training, residual(training, after)),
+        **vars(errors(held_out)),
+        training_before=training.relative(known.training),
+        training_after=training.relative(training.residual(after)),
         motion_before=known.motion,
         motion_after=known.motion if after is before else _motion(fit, after),
         loads=loads,
         carried=after,
-        sample_noise=scatter_of_samples(held_out) / _size(held_out),
+        sample_noise=scatter_of_samples(held_out)
+        / np.maximum(held_out.over_zones(held_out.force), TINY),
         uncertain=doubt,
-        trained=trained,
+        trained=errors(where_trained(training, held_out)),
     )
-
-
-def _errors(
-    rows: Evidence, left: Sequence[np.ndarray], noise: np.ndarray, method: Method
-) -> HeldOut:
-    size = _size(rows)
-    before, after, best = (over_zones(rows, values) / size for values in left)
-    return HeldOut(rows.joints, before, after, noise / size, np.minimum(best, before), method)
-
-
-def _size(rows: Evidence) -> np.ndarray:
-    return np.maximum(over_zones(rows, rows.force), np.finfo(float).tiny)
 
 
 def where_trained(training: Evidence, held_out: Evidence) -> Evidence:
@@ -353,7 +342,7 @@ def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
     """Error (j,) of the force, relative to it, that the standard deviations of values make."""
     assert model.std_devs is not None  # of values that are kept
     parts = evidence.regressor(model) * model.std_devs
-    return relative(evidence, np.linalg.norm(parts, axis=2))
+    return evidence.relative(np.linalg.norm(parts, axis=2))
 
 
 # Pulsation: a line in the spectrum of the residual, faster than anything that is moved on purpose.

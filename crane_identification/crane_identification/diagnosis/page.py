@@ -12,7 +12,7 @@ from scipy.stats import binned_statistic
 
 from crane_identification.diagnosis import words
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.evidence import Zone, least_squares, residual
+from crane_identification.diagnosis.evidence import TINY, Zone, least_squares
 from crane_identification.diagnosis.proof import Finding
 from crane_identification.diagnosis.residuals import OF_NO_JOINT, on_rows, unit_of
 from crane_identification.diagnosis.words import Content
@@ -109,8 +109,6 @@ def render(
             if motion.reason
         ],
         discriminate=words.discriminating_command(content, folder),
-        untestable=_untried(diagnosis, content["not_testable"]),
-        unobservable=_untried(diagnosis, content["not_observable"]),
         percent=percent,
         listed=listed,
         spoken=spoken,
@@ -132,20 +130,6 @@ def _usual(quantity: Content, missing: bool) -> str:
     value, limit = abs(quantity["value"] or 0.0), abs(quantity["usual_limit"])
     unsure = ", not surely exceeded" if value > limit and not missing else ""
     return f"{plain(factor * limit)} {unit}".rstrip() + unsure
-
-
-def _untried(diagnosis: Diagnosis, entries: Sequence[Content]) -> list[tuple[str, str]]:
-    names = {
-        one.type: one.effect.name
-        for one in (*diagnosis.search.untestable, *diagnosis.search.unobservable)
-    } | {kind: one.effect.name for kind, one in FLOW_EFFECTS.items()}
-    return [
-        (
-            f"{names[one['effect']]} ({words.place(one['joint'])})",
-            words.said(one["reason"], diagnosis.joints),
-        )
-        for one in entries
-    ]
 
 
 # The pictures of all, and of one finding.
@@ -205,7 +189,7 @@ def _signature(
     """The residual of a channel with an effect (n, c) and without, over what it depends on."""
     evidence, j = diagnosis.training, channel % len(diagnosis.joints)
     used, joint = evidence.used[:, channel], diagnosis.joints[j]
-    after = residual(evidence, diagnosis.after)[used, channel]
+    after = evidence.residual(diagnosis.after)[used, channel]
     before = after + effect[used, channel]
     unit, factor = _unit(diagnosis, variable, joint)
     force, _ = _unit(diagnosis, "force", joint)
@@ -268,7 +252,7 @@ def _held_out(diagnosis: Diagnosis, key: str, j: int) -> Picture:
     shown = np.flatnonzero(inside)[np.abs(time - middle) <= WINDOW / 2.0]
     gone = np.where(held_out.used[shown, j], 0.0, np.nan)  # a gap where the joint turns
     before, after = (
-        residual(held_out, model)[shown, j] + gone
+        held_out.residual(model)[shown, j] + gone
         for model in (diagnosis.before, diagnosis.gap.carried)
     )
     unit, _ = _unit(diagnosis, "force", diagnosis.joints[j])
@@ -293,8 +277,8 @@ def _sizes(before: np.ndarray, after: np.ndarray, unit: str) -> str:
 
 
 def _unit(diagnosis: Diagnosis, variable: Variable, joint: str) -> tuple[str, float]:
-    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
-    return human(unit_of(variable, joint, setting, counts))
+    evidence = diagnosis.training
+    return human(evidence.unit(unit_of(variable, joint, evidence.model.setting)))
 
 
 def _beside(diagnosis: Diagnosis, finding: Finding) -> np.ndarray:
@@ -320,8 +304,7 @@ def _shown(diagnosis: Diagnosis, effect: np.ndarray) -> np.ndarray:
 def _rms_left(diagnosis: Diagnosis) -> np.ndarray:
     """Root mean square (c,) of the residual in each channel; never 0."""
     evidence = diagnosis.training
-    left = evidence.rms(residual(evidence, diagnosis.after))
-    return np.maximum(left, np.finfo(float).tiny)
+    return np.maximum(evidence.rms(evidence.residual(diagnosis.after)), TINY)
 
 
 # Charts.

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from crane_identification.diagnosis.evidence import counted
 from crane_identification.diagnosis.page import fold_bars, folds, span
 from crane_identification.diagnosis.residuals import feature_unit, unit_of
 from crane_model.machine_files import machine_file
@@ -56,6 +57,5 @@ def test_folds_of_training_recordings_are_called_that() -> None:
 def test_every_quantity_of_a_learner_has_a_unit(feature: str, unit: str) -> None:
     setting = load_model(machine_file("model.yaml")).setting
     assert feature_unit(feature, setting) == unit
-    counted = feature_unit(feature, setting, counts=True)
-    assert counted == (unit if unit in ("1", "s", "°C") else "counts")
+    assert counted(unit) == (unit if unit in ("1", "s", "°C") else "counts")
     assert unit_of("rate of the force", "outer_boom", setting) == "N m/s"

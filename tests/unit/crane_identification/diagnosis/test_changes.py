@@ -104,8 +104,8 @@ def test_changes_of_one_joint_are_told_apart(tmp_path: Path) -> None:
     runs = [p for log in recorded(known, 1.0, 1.1, 1.1, 1.2) for p in prepare(known, log, options)]
     evidence = kept(known, runs, decimation(known, runs, None))
     wanted = [*candidates_of(known, evidence), *changes_of(known)]
-    found = search(evidence, wanted)
-    judged = decide(ForwardSelection(found), load_thresholds()).passed
+    found = search(evidence, wanted, load_thresholds())
+    judged = decide(ForwardSelection(found)).passed
     assert {one.shaped.candidate for one in judged} <= set(changes_of(known))
     assert not any(one.indistinct for one in judged)
     _, values = extended(found, known, judged, Training(runs, 1, "all"))
@@ -155,8 +155,8 @@ def test_a_load_in_all_recordings_is_weighed() -> None:
     runs = [
         p for seed in (1, 2) for p in prepare(known, experiment(seed, 1, model=loaded), options)
     ]
-    found = search(kept(known, runs, 20), changes_of(known))
-    judged = decide(ForwardSelection(found), load_thresholds()).passed
+    found = search(kept(known, runs, 20), changes_of(known), load_thresholds())
+    judged = decide(ForwardSelection(found)).passed
     assert [one.shaped.candidate.type for one in judged] == ["payload"]
     after, ((load,),) = extended(found, known, judged, Training(runs, 20, "both"))
     assert load.value == pytest.approx(5.0, abs=4.0 * load.std_dev) and load.std_dev < 0.3

@@ -18,7 +18,7 @@ THRESHOLDS = load_thresholds()
 
 
 def decided(found: Search) -> Decision:
-    return decide(ForwardSelection(found), THRESHOLDS)
+    return decide(ForwardSelection(found))
 
 
 def names(decision: Decision) -> list[str]:
@@ -42,7 +42,7 @@ def test_the_search_grows_in_the_race_alone() -> None:
     """What a selection began with stays as it was, and what it ends with cannot change."""
     found = searched({"offset": A, "hose_stiffness": B}, 0.5 * B)
     selection = ForwardSelection(found)
-    decide(selection, THRESHOLDS)
+    decide(selection)
     assert len(found.sets) == 1 < len(selection.search.sets)
     with pytest.raises(FrozenInstanceError):
         selection.search.projection = found.projection  # type: ignore[misc]

@@ -15,6 +15,7 @@ from crane_identification.diagnosis.residuals import unknown_force
 from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.words import unknown as told
 from crane_identification.options import Options
+from crane_identification.thresholds import load_thresholds
 from crane_model.progress_bar import silent
 
 SEEDS = range(4)  # three recordings to train on
@@ -26,7 +27,7 @@ def of_recordings(folder: Path, more: float) -> UnknownPlace:
     one = model(folder, *FULL)
     logs = [stiffened(axis_log(seed, one, periods=2), more * (seed == STIFFER)) for seed in SEEDS]
     fit = fitted(one, logs[:-1], logs[-1:], Options(), False, silent)
-    return unknown_force(search(fit.evidence, wanted(fit, ())), 0)
+    return unknown_force(search(fit.evidence, wanted(fit, ()), load_thresholds()), 0)
 
 
 def stiffened(log: Log, more: float) -> Log:

@@ -48,13 +48,13 @@ def left(of_spring: float, named: tuple[str, str] = OFFSET) -> tuple[UnknownPlac
         recordings += prepare(model, wrong, Options(average=False))
     evidence = gather(model, recordings, FACTOR)
     asked = [one for one in candidates_of(model, evidence) if one.type in ASKED]
-    made = search(evidence, asked)
+    made = search(evidence, asked, THRESHOLDS)
     of = [
         one
         for one in made.projection.candidates
         if (one.candidate.type, one.candidate.joint) == named
     ]
-    return left_elsewhere(made, [cast(Judged, Mock(shaped=of[0]))], THRESHOLD, THRESHOLDS)
+    return left_elsewhere(made, [cast(Judged, Mock(shaped=of[0]))], THRESHOLD)
 
 
 def test_what_is_left_elsewhere_has_its_joint_size_and_signature() -> None:

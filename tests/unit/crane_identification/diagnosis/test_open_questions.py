@@ -43,10 +43,11 @@ def test_member_of_a_class_that_explains_it_without_the_other_effects() -> None:
         SimpleNamespace(shaped=load, indistinct=[], threshold=9.0),
         SimpleNamespace(shaped=seal, indistinct=[hoses.candidate], threshold=9.0),
     ]
+    white = SimpleNamespace(noise=[None])
     diagnosis = SimpleNamespace(
         joints=("axis",),
         verdict=Verdict.NAMED,
-        search=Search(None, SimpleNamespace(noise=[None]), None, projection, {}, {}),  # type: ignore[arg-type]
+        search=Search(None, load_thresholds(), white, None, projection, {}, {}),  # type: ignore[arg-type]
         proof=SimpleNamespace(trial=SimpleNamespace(effects=effects)),
         fit=SimpleNamespace(
             training=SimpleNamespace(recordings=[SimpleNamespace(step=0.001)], factor=10),
@@ -54,7 +55,6 @@ def test_member_of_a_class_that_explains_it_without_the_other_effects() -> None:
         ),
         training=None,
         before=SimpleNamespace(setting=None),
-        thresholds=load_thresholds(),
         decision=SimpleNamespace(threshold=9.0),
     )
 

@@ -36,14 +36,14 @@ def asked(columns: Columns, missing: np.ndarray) -> Search:
 
 
 def lacking(made: Search) -> set[str]:
-    threshold = by_chance(made, NOTHING, THRESHOLDS)
-    found = on_several_joints(made, threshold, THRESHOLDS)
+    threshold = by_chance(made, NOTHING)
+    found = on_several_joints(made, threshold)
     return {made.projection.candidates[number].candidate.label for number in found.numbers}
 
 
 def named(made: Search) -> dict[str, int]:
     """What a decision names, and how many others cannot be told from it."""
-    found = decide(ForwardSelection(made), THRESHOLDS).passed
+    found = decide(ForwardSelection(made)).passed
     return {one.shaped.candidate.label: len(one.indistinct) for one in found}
 
 

@@ -113,7 +113,7 @@ def answer(
     reach: Reach = ENOUGH,
     short: tuple[Short, ...] = (),
 ) -> Answer:
-    return judge(Proof(BEFORE, after, seen or gap(0.0006), short), reach, THRESHOLDS)
+    return judge(Proof(BEFORE, after, seen or gap(0.0006), short), reach)
 
 
 def test_nothing_is_missing_where_held_out_errors_are_noise() -> None:
