@@ -41,9 +41,7 @@ EXCITE = "excite the joints more: both directions, several speeds, the whole ran
 
 
 class DifferingForm(NamedTuple):
-    """An effect whose form is not that of the catalogue, and the nonparametric curves of the force
-    that its form lacks.
-    """
+    """An effect of another form than the catalogue's, and curves of the force that it lacks."""
 
     candidate: Candidate
     curves: list[schema.FoundCurve]
@@ -176,9 +174,7 @@ def _acting(proof: Proof) -> np.ndarray:
 
 
 def _more(proof: Proof, share: float, forms: Forms) -> list[str]:
-    """Sentences on what is missing beside the effects. On a joint without an effect, an error just
-    above its limit counts only if it is systematic.
-    """
+    """Sentences on what is missing beside the effects; small errors count if systematic."""
     trial, gap, method = proof.trial, proof.gap, proof.gap.method
     gates = trial.thresholds.gates
     told = np.isin(np.arange(len(gap.joints)), list(forms))  # by their forms
@@ -450,7 +446,7 @@ def _beside(answer: Answer, said: Sequence[str], alone: Verdict) -> Answer:
 
 
 def objection_told(rejections: Sequence[Rejection]) -> str:
-    """Why an effect is rejected, in words; empty if it is not."""
+    """Sentences on why an effect is rejected; empty if it is not."""
     return "; ".join(_rejected(one) for one in rejections)
 
 
@@ -491,9 +487,7 @@ def _rejected(one: Rejection) -> str:
 
 
 def change_told(change: HeldOutChange) -> str:
-    """Sentence on the change of the held-out error of a joint; one number if both are printed
-    alike.
-    """
+    """Sentence on the change of the held-out error of a joint."""
     before, after = (f"{error:.2%}" for error in (change.before, change.after))
     if before == after:
         return f"the held-out error of {change.joint} stays at {after}"

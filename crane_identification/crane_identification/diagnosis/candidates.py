@@ -40,7 +40,7 @@ BLOCKS = 8  # of a recording, one left out at a time: what is left is not white
 
 
 def load_of(evidence: Evidence, recordings: Sequence[int]) -> Load:
-    """One load in these recordings of the evidence."""
+    """A load that these recordings of the evidence have in common."""
     names = evidence.sources
     return Load(
         runs=tuple(sorted(run for i in recordings for run in evidence.bags[i])),
@@ -54,7 +54,7 @@ def one_each(evidence: Evidence) -> Loads:
 
 
 def heavier(evidence: Evidence, cls: type[Term]) -> tuple[Loads, ...]:
-    """One load in the heaviest recording, in the two heaviest, and so on up to all but one."""
+    """A load in the heaviest recording, in the two heaviest, and so on up to all but one."""
     columns = evidence.columns(cls.model_validate({LOADS: one_each(evidence)}))
     masses = evidence.roughly(columns)[-columns.shape[2] :]
     order = np.argsort(-masses, kind="stable").tolist()
@@ -95,9 +95,7 @@ def _of_groups(
 
 @dataclass(frozen=True)
 class Weighed:
-    """What a held-out `recording` carries [kg] beyond the lightest of those trained on; `found` if
-    none of those differ.
-    """
+    """The load [kg] of a held-out `recording`; `found` if those trained on carry the same."""
 
     recording: str
     mass: float
@@ -279,9 +277,7 @@ def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
 
 
 def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None) -> Given:
-    """The fields of a term that hold values of parameters of the model, as they are beside the
-    term.
-    """
+    """The fields of a term that hold values of the model, as they are beside the term."""
     known = [p.name for p in model.parameters]
     places = {
         field: [known.index(name) for name in names]
@@ -326,9 +322,7 @@ def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any])
 def observed(
     evidence: Evidence, wanted: list[Candidate], progress: Progress = silent
 ) -> tuple[list[ShapedCandidate], dict[Candidate, str]]:
-    """The candidates at their shapes, and why some, or some of their parameters, are not observable
-    in these recordings.
-    """
+    """The candidates at their shapes, and why some do not show in these recordings."""
     found: list[ShapedCandidate] = []
     absent = {}
     for number, candidate in enumerate(wanted):

@@ -117,9 +117,7 @@ def _growing(
 
 
 def left_by_forms(passed: Sequence[Judged], thresholds: Thresholds) -> float:
-    """Gain that the strongest of these effects leaves at most if its form is not the machine's; 0
-    if none has a form.
-    """
+    """Gain that the strongest effect leaves at most if its form is not the machine's."""
     most = max((one.score for one in passed if not _scales(one)), default=0.0)
     return thresholds.method.elsewhere_share * most
 
@@ -190,9 +188,7 @@ def _beside_lengths(
 
 
 def _sure(selection: ForwardSelection, found: tuple[Judged, ...]) -> tuple[Judged, ...]:
-    """The effects without scales that do not pass, and without the weaker one of two if one of them
-    is indistinct from what is no scale; judged without them.
-    """
+    """The effects without scales that do not pass or may be another effect, judged anew."""
     scales = sorted((one for one in found if _scales(one)), key=lambda one: one.score)
     out = [one for one in scales if objection(one, selection.search.thresholds)]
     mistakable = any(not other.effect.formless for one in scales for other in one.indistinct)

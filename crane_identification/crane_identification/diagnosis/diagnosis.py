@@ -105,9 +105,7 @@ class Diagnosis:
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """The effects that the model lacks, strongest first. Their standard deviations include that
-        a form is not quite the machine's, and that lengths and transducers scale the force.
-        """
+        """Missing effects, strongest first; deviations include errors of the form."""
         found, trial = [], self.proof.trial
         for one, values in zip(trial.effects, trial.values, strict=True):
             form = 0.0 if one.shaped.candidate.drawn else self._form_error(one)
@@ -135,7 +133,7 @@ class Diagnosis:
         return (*self.fit.warnings, *further)
 
     def results(self, suspicions: Sequence[str] = ()) -> Findings:
-        """What findings.json holds."""
+        """The content of findings.json."""
         return Findings(
             verdict=self.verdict,
             reason=self.reason,

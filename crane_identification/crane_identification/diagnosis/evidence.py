@@ -36,13 +36,13 @@ STOP_BAND = 6.0  # shape of the Kaiser window: 60 dB
 
 
 class Zone(Enum):
-    """Which samples of a joint are asked."""
+    """The samples of a joint that are asked."""
 
     MOVING = "while it moves"
     TURNING = "close to reversals"
 
     def gate(self, preparation: Preparation) -> np.ndarray:
-        """(samples, j): 1.0 within the zone."""
+        """The samples (samples, j) within the zone, as 1.0."""
         if self is Zone.MOVING:
             return preparation.moving.astype(float)
         return (preparation.signed & ~preparation.moving).astype(float)
@@ -130,9 +130,7 @@ def _opened(gate: np.ndarray, factor: int) -> _Open:
 
 @njit(cache=True)
 def _gated(columns: np.ndarray, open_: _Open, response: np.ndarray) -> np.ndarray:
-    """(rows, channels, k): columns (n, j, k), j channels in turn, gated and filtered by a response
-    (taps,).
-    """
+    """Columns (n, j, k), gated and filtered by a response (taps,): (rows, channels, k)."""
     joints, width = columns.shape[1:]
     out = np.zeros((open_.rows, len(open_.ends), width))
     row, begin = np.empty(open_.rows), 0
@@ -331,13 +329,11 @@ class Evidence:
         return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
 
     def relative(self, values: np.ndarray) -> np.ndarray:
-        """The same (j,) over that of the force."""
+        """Root mean square (j,) over the used rows, relative to that of the force."""
         return self.over_zones(values) / self.over_zones(self.force)
 
     def acting(self, columns: np.ndarray, values: np.ndarray) -> float:
-        """Root mean square of an effect, columns (n, c, k) with these values (k,), over that of the
-        drive force of its joint.
-        """
+        """Root mean square of columns (n, c, k) with values (k,) over that of the force."""
         return float(np.nan_to_num(self.relative(columns @ values)).max())
 
     def residual(self, model: Model) -> np.ndarray:
@@ -393,9 +389,7 @@ class Evidence:
         return np.concatenate([run.filtered(model.regressor(run.record)) for run in self.runs])
 
     def roughly(self, columns: np.ndarray) -> np.ndarray:
-        """Coefficients (p + k,) of the base and `columns` (n, c, k), by least squares; rows of a
-        channel are weighted by what is left of it.
-        """
+        """Coefficients (p + k,) of the base and `columns` (n, c, k) by weighted least squares."""
         matrix, weight = np.concatenate([self.base, columns], axis=2), self.force_rms
         for _ in range(2):
             unit = np.where(weight > 0.0, weight, np.inf)
@@ -485,7 +479,5 @@ def beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def says_nothing(used: np.ndarray, known: np.ndarray) -> bool:
-    """Return whether a channel has too few `used` rows (n,) for the directions `known` (rows, d) of
-    its base.
-    """
+    """Return whether `used` rows (n,) are too few for directions `known` (rows, d) of the base."""
     return bool(used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS))

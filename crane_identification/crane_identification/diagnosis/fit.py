@@ -73,7 +73,7 @@ def refit(evidence: Evidence, sources: str, held: tuple[str, ...] = ()) -> Model
 
 
 def refit_anyway(evidence: Evidence, sources: str) -> tuple[Model, tuple[str, ...]]:
-    """The same with all parameters held that are not determined, and their names."""
+    """The refitted model, and the names of parameters that are held as not determined."""
     held: tuple[str, ...] = ()
     while True:
         try:
@@ -83,9 +83,7 @@ def refit_anyway(evidence: Evidence, sources: str) -> tuple[Model, tuple[str, ..
 
 
 def _no_more_than_measured(rows: Rows, names: tuple[str, ...]) -> Prior:
-    """By which each of these parameters is 0, give or take what makes as much force alone as was
-    measured.
-    """
+    """Prior by which none of these parameters makes more force alone than was measured."""
     force, unit, widths = rows.rms(rows.force), np.eye(len(rows.names)), []
     chosen = [rows.names.index(name) for name in names]
     for k in chosen:
@@ -97,7 +95,7 @@ def _no_more_than_measured(rows: Rows, names: tuple[str, ...]) -> Prior:
 
 
 def _alike(rows: Rows, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Those of the parameters whose columns are nearly combinations of others."""
+    """The parameters whose columns are nearly combinations of others."""
     weights = np.broadcast_to(balancing(rows), rows.force.shape)
     found = solve_weighted(rows, weights)
     norms = np.linalg.norm(rows.stacked * weights[rows.used][:, None], axis=0)
@@ -122,9 +120,7 @@ def _rows(evidence: Evidence) -> Rows:
 
 
 def _beside_nuisances(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Regressor (n, c, p) and force (n, c) without what the nuisance columns explain, and which
-    rows count (n, c).
-    """
+    """Regressor (n, c, p) and force (n, c) beside the nuisances, and rows (n, c) that count."""
     p = len(evidence.model.parameters)
     matrix, force = evidence.base[:, :, :p].copy(), evidence.force.copy()
     counted = evidence.used.copy()
@@ -146,7 +142,7 @@ ROWS_PER_PARAMETER = 3  # of the model, which leaves nothing to look into of few
 
 @dataclass(frozen=True)
 class Training:
-    """What models are fitted to: recordings, the `factor` of their rows, and their names."""
+    """Recordings that models are fitted to, the `factor` of their rows, and their names."""
 
     recordings: Sequence[Preparation]
     factor: int
@@ -223,9 +219,7 @@ def fitted(
 def _averaged(
     model: Model, logs: Sequence[Log], options: Options
 ) -> tuple[tuple[Preparation, ...], list[str]]:
-    """The validation recordings averaged, if they are periodic, and which do not have the period
-    that was given.
-    """
+    """Periodic validation recordings averaged, and those that lack the given period."""
     found: list[Preparation] = []
     told = []
     for log in logs:
@@ -274,7 +268,7 @@ def determined(
 
 
 def _dispensable(evidence: Evidence, error: UndeterminedError) -> Term | None:
-    """Of the terms that are not determined, the one without which least is left unexplained."""
+    """The term that is not determined and whose absence leaves least unexplained."""
     model, costs = evidence.model, dict[Term, float]()
     for term in model.terms:
         names = {p.name for p in term.parameters(model.setting)}

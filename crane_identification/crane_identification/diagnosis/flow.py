@@ -42,7 +42,7 @@ SAME_OIL = 0.1  # of the bulk modulus, which a little air or warmth changes as m
 
 
 class Usual(Schema):
-    """What is usual of valves and oil; `hydraulics.yaml` says what each is."""
+    """Usual values of valves and oil; `hydraulics.yaml` explains each."""
 
     dead_band: dict[str, Positive]
     hysteresis: Positive
@@ -62,7 +62,7 @@ class Usual(Schema):
         return self
 
     def leakage_of(self, joint: str) -> float:
-        """Of a joint [m3/(s Pa)]; infinite if the file has none."""
+        """The usual leakage of a joint [m3/(s Pa)]; infinite if the file has none."""
         match self.leakage:
             case dict() as each:
                 return each.get(joint, np.inf)
@@ -86,9 +86,7 @@ class JointUsual:
 
 
 def usual_of(joint: str, usual: Usual, hydraulics: HydraulicValues | None) -> JointUsual:
-    """Limits by the joint's own values as far as they are determined; `DataError` if no dead band
-    is.
-    """
+    """Limits by the joint's own values as far as determined; `DataError` without a dead band."""
     known = hydraulics.joints.get(joint) if hydraulics else None
     own = _own(known) if known and known.chambers else {}
     if joint not in usual.dead_band and "dead_bands" not in own:
@@ -209,7 +207,7 @@ class Flow:
 
     @property
     def missing(self) -> tuple[Quantity, ...]:
-        """What is not as usual, strongest first; nothing if most of what is left is `unknown`."""
+        """Quantities that are not usual, strongest first; none if the rest is `unknown`."""
         return () if self.unknown else self._beyond
 
     @property
@@ -257,7 +255,7 @@ part of the flow that is then known."""
 
 
 class Quantities:
-    """Those of a joint's balance, beside what is usual of it."""
+    """The quantities of a joint's balance, beside their usual values."""
 
     def __init__(self, balance: ProvedBalance, usual: JointUsual, thresholds: Thresholds) -> None:
         self._balance, self._usual = balance, usual
@@ -313,7 +311,7 @@ class Quantities:
         return self._judged("asymmetry", value, std_dev, limit, tied, beyond)
 
     def _of_column(self, name: str, part: int, unit: float, limit: float) -> Quantity:
-        """Of a parameter that is the quantity over a `unit`."""
+        """A quantity that is a parameter times a `unit`."""
         values = self._balance.fitted.values
         value = float(values[part])
         fixed = limit / unit
@@ -387,7 +385,7 @@ def examine(
 
 
 def _flow(here: FlowRows, there: FlowRows, usual: JointUsual, thresholds: Thresholds) -> Flow:
-    """What the balance of a joint says; `DataError` if it says nothing."""
+    """The quantities and the rest of the balance of a joint; `DataError` if noise hides them."""
     gates, method = thresholds.gates, thresholds.method
     balance = balance_of(here, there)
     if balance.unexplained > gates.unexplained_flow:
@@ -420,7 +418,7 @@ def _air(balance: ProvedBalance) -> float:
 
 
 def _gains(balance: ProvedBalance, joint: str, method: Method) -> tuple[Gain, ...]:
-    """Of the metering edges; `DataError` if the flow does not follow them."""
+    """The metering edges; `DataError` if the flow does not follow them."""
     gains = tuple(_gain(balance, k, edge, method) for k, edge in enumerate(EDGES))
     known = [gain for gain in gains if gain.determined]
     wrong = [gain.edge for gain in known if gain.value < 0.0]

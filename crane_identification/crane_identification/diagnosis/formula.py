@@ -49,9 +49,7 @@ WAVES, STEPS, EDGES = 40, 8, 9  # scales of waves, of curves that level off, and
 
 
 class Primitive(NamedTuple):
-    """A shape as Python has it, and its values at x (n,) with the scale c. The coefficient has the
-    unit of the force over that of x to this `power`.
-    """
+    """A shape in Python, its values, the `power` of x in its unit, and how it is scaled."""
 
     code: str
     values: Callable[[np.ndarray, float], np.ndarray]
@@ -213,7 +211,7 @@ class _Grammar:
             chosen.append(int(np.argmax(more)))
 
     def _refined(self, terms: list[FormulaTerm]) -> list[FormulaTerm]:
-        """With the scales at which they explain most together, near those of the grid."""
+        """The terms with the scales that explain most together, near those of the grid."""
         free = [i for i, one in enumerate(terms) if one.form.scales]
         if not free:
             return terms

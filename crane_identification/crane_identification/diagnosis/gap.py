@@ -39,9 +39,7 @@ ORDER = 4
 
 
 def scatter_of_periods(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:
-    """Root mean square noise (j,) of the filtered force, from the scatter between periods; NaN if
-    none was repeated that moves the joint.
-    """
+    """Noise (j,) of the filtered force by the scatter between periods; NaN if unknown."""
     power, count = np.zeros((2, joints))
     for preparation in averaged:
         repeated = len(preparation.periods)
@@ -96,7 +94,7 @@ class Learnt:
     strength: np.ndarray
 
     def follows_law(self, thresholds: Thresholds) -> np.ndarray:
-        """(j,): whether a law is there, beyond chance and beyond errors of the processing."""
+        """Return whether a joint (j,) follows a law, beyond chance and errors of the processing."""
         limit = thresholds.method.false_alarm_rate / 2.0 / len(self.share)
         return (self.p_value < limit) & (self.strength > thresholds.gates.smallest_strength)
 
@@ -188,7 +186,7 @@ class HeldOut:
 
     @property
     def reachable(self) -> np.ndarray:
-        """What some model reaches (j,): noise, the learner, or the error `after`."""
+        """Error that some model reaches (j,): noise, the learner, or the error `after`."""
         return np.fmin(np.fmin(self.method.clean_factor * self.floor, self.best), self.after)
 
     @property
@@ -197,7 +195,7 @@ class HeldOut:
         return np.array([self.closed_on([j]) for j in range(len(self.joints))])
 
     def closed_on(self, joints: Sequence[int]) -> float:
-        """The same of several joints together, each in units of what is reachable there."""
+        """The share of several joints together, each in units of its reachable error."""
         own = list(joints)
         unit = np.maximum(self.reachable[own], RESOLUTION) ** 2
         before, after, least = (
@@ -270,9 +268,7 @@ class Gap(HeldOut):
 
 
 class Unchanged(NamedTuple):
-    """Training residual (n, c) of the model before, its prediction (n', j) by a learner on the
-    held-out rows, and the simulated motion there.
-    """
+    """Training residual (n, c) of the model before, its prediction held out, and its motion."""
 
     training: np.ndarray
     expected: np.ndarray
@@ -291,9 +287,7 @@ def _motion(fit: Fitted, model: Model) -> MotionValidation:
 
 
 def measure(fit: Fitted, after: Model, method: Method, known: Unchanged) -> Gap:
-    """The model before, and the one after with the load of each recording, on recordings that took
-    no part.
-    """
+    """The errors before and after, with the load of each recording, held out."""
     before, training, held_out = fit.before, fit.evidence, fit.held_out
     j = len(before.joints)
     noise = scatter_of_periods(fit.periods, held_out.runs[0].factor, j)
@@ -358,9 +352,7 @@ HIGHEST_SHARE = 0.2  # of the sampling rate: the highest frequency
 
 
 class Line(NamedTuple):
-    """A line in the spectrum of a joint at a `frequency` [Hz], its rms over that of the force, and
-    its `clearness`: mean of log(power over level) times sqrt(recordings).
-    """
+    """A line at a `frequency` [Hz], its relative rms, and mean log(power/level) √recordings."""
 
     joint: str
     frequency: float
@@ -369,9 +361,7 @@ class Line(NamedTuple):
 
 
 def clearest_lines(model: Model, runs: Sequence[Run], fewest: int) -> tuple[Line, ...]:
-    """The clearest line of each joint beside the fitted `model`; none if recordings are too short
-    or fewer than `fewest`.
-    """
+    """The clearest line of each joint beside the `model`; none of too few recordings."""
     longest = dict[str, Run]()
     for run in runs:
         other = longest.get(run.source)
@@ -404,9 +394,7 @@ def _step(run: Run) -> float:
 
 
 def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(f, j) at the frequencies `asked` [Hz] (f,): log of the residual's power over the level
-    around, and the rms of a line over that of the force.
-    """
+    """Log of the residual's power over the level, and relative rms of a line (f, j each)."""
     force = run.record.needed("force", "a search for pulsation")
     residual = force - model.predict(run.record)
     window = signal.windows.hann(len(force))[:, np.newaxis]
@@ -430,9 +418,7 @@ def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np
 
 @dataclass(frozen=True)
 class Commanded:
-    """Errors on recordings that took no part, a pair of before and after for each horizon, or the
-    `reason` why nothing can be simulated.
-    """
+    """Errors before and after for each horizon, or the `reason` why there are none."""
 
     pairs: tuple[tuple[CommandValidation, CommandValidation], ...] = ()
     reason: str = ""

@@ -411,9 +411,7 @@ def found_values(search: Search, subset: Subset, place: int) -> np.ndarray:
 
 
 def folds_asked(search: Search, own: ShapedCandidate, values: np.ndarray) -> Folds:
-    """The folds in which an effect with these values (k,) must help: where it acts, or all if it
-    follows the time or the recording.
-    """
+    """The folds in which an effect must help: where it acts, or all if recordings differ."""
     if BETWEEN & set(own.candidate.effect.follows):
         return folds(search.evidence)
     return folds_of(search.evidence, search.whitener, own.columns @ values)

@@ -191,9 +191,7 @@ def _accounts_for(
 
 
 def suspected(found: Sequence[Judged], joint: str) -> bool:
-    """Return whether an effect of the sensors was found on a joint; not if the forces of two joints
-    are scaled.
-    """
+    """Return whether a joint has an effect of sensors, unless two joints are scaled."""
     candidates = [one.shaped.candidate for one in found]
     lengths = sum(one.effect.formless for one in candidates) > 1
     return any(

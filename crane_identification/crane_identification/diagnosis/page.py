@@ -55,7 +55,7 @@ class Picture(NamedTuple):
 
     @property
     def height(self) -> int:
-        """What the page keeps free for it [px]."""
+        """Height that the page keeps free for it [px]."""
         return int(self.description["layout"]["height"])
 
 
@@ -219,7 +219,7 @@ def _signature(
 
 
 def folds(number: int, names: Sequence[str], gains: np.ndarray, recordings: set[str]) -> Picture:
-    """What an effect gains on training data that is left out of the fit in turn."""
+    """Gains of an effect on training data that is left out of the fit in turn."""
     whole = set(names) <= recordings
     part = "training recording" if whole else "part of the training data"
     ends = span(gains)
@@ -354,7 +354,7 @@ def span(values: np.ndarray) -> tuple[float, float] | None:
 
 
 def fold_bars(names: Sequence[str], gains: np.ndarray, what: str) -> dict[str, Any]:
-    """What the effect gains on each fold; `what` these are."""
+    """Bars of the gain of the effect on each fold; `what` these are."""
     bars = {
         "type": "bar",
         "x": [str(number + 1) for number in range(len(names))],

@@ -52,7 +52,7 @@ class Whitener:
     zone: np.ndarray
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """(n, c, ...) to (N, ...)."""
+        """Whitened values (n, c, ...) as (N, ...)."""
         there = [values[:, channel].any() for channel in range(values.shape[1])]
         parts = []
         for channel, rows, polynomial, deviation in self.picks:
@@ -114,14 +114,14 @@ def _noise(
 
 
 def _used_before(used: np.ndarray, first: np.ndarray, highest: int) -> np.ndarray:
-    """(n,) used rows directly before each, of the same run, up to `highest`."""
+    """Used rows (n,) directly before each, of the same run, up to `highest`."""
     row = np.arange(len(used))
     none = first | ~np.concatenate([[False], used[:-1]])
     return np.minimum(row - np.maximum.accumulate(np.where(none, row, 0)), highest)
 
 
 def _by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """(n, ...) to (runs, longest run, ...), padded with zeros."""
+    """Values (n, ...) as (runs, longest run, ...), padded with zeros."""
     numbers, counts = np.unique(run, return_counts=True)
     out = np.zeros((len(numbers), counts.max(), *values.shape[1:]), dtype=values.dtype)
     for i, number in enumerate(numbers):
@@ -315,9 +315,7 @@ def larger_sets(
     refused: Collection[Candidate] = (),
     first: int = 0,
 ) -> LargerSets:
-    """The sets with one candidate more than those of `beam`, without those that are `refused`, and
-    from the number `first` on.
-    """
+    """The sets with one candidate more, from number `first` on, that is not `refused`."""
     found: LargerSets = {}
     for start in beam:
         for subset in extended(projection, start, refused, first):
@@ -411,9 +409,7 @@ def constrained(
 
 
 def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
-    """Joint solution of a set of candidates; None if a sign is wrong, a parameter is larger than
-    its effect may be, or columns coincide.
-    """
+    """Joint solution of candidates; None if a sign or size is wrong, or columns coincide."""
     columns = np.concatenate([projection.columns_of[i] for i in numbers])
     gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
     (values,), (apart,) = constrained(gram[None], score[None], projection.positive[None, columns])

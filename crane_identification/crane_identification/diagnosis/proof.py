@@ -105,7 +105,7 @@ class Value:
 
     @property
     def change(self) -> tuple[float, float]:
-        """What it adds to the value before or to nothing, with its standard deviation."""
+        """Change from the value before or from nothing, with its standard deviation."""
         known, std_dev = self.before or (0.0, 0.0)
         return self.value - known, float(np.hypot(self.std_dev, std_dev))
 
@@ -131,7 +131,7 @@ class Finding:
         return self.parameters[: len(self.judged.shaped.positive)]
 
     def carried_in(self, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:
-        """Which recordings carry each load of an effect that differs between them, and `none`."""
+        """Recordings that carry each load of an effect that differs between them, and `none`."""
         loads = self.judged.shaped.term.carried
         if not loads:
             return {}
@@ -197,9 +197,7 @@ def _estimate(model: Model, i: int) -> tuple[float, float]:
 def shape_std_devs(
     search: Search, chosen: Sequence[ShapedCandidate], values: Sequence[np.ndarray]
 ) -> list[dict[str, float]]:
-    """One standard deviation of each shape parameter of each candidate with these `values`, beside
-    everything else; linearized.
-    """
+    """Standard deviations of the nonlinear parameters of candidates, beside all else."""
     evidence, white = search.evidence, search.whitener
     keys = [(k, name) for k, one in enumerate(chosen) for name in one.candidate.shapes]
     out: list[dict[str, float]] = [{} for _ in chosen]
@@ -253,12 +251,12 @@ class Trial:
 
     @cached_property
     def learnt(self) -> Learnt:
-        """What could be learnt of the residual; it takes a second and more."""
+        """Part of the residual that could be learnt; it takes a second and more."""
         return self.learning()
 
     @cached_property
     def law(self) -> np.ndarray:
-        """(j,): whether that is a law."""
+        """Return whether the residual of a joint (j,) is a law."""
         return self.learnt.follows_law(self.thresholds)
 
     def explained(self, before: "Trial") -> float:
@@ -298,9 +296,7 @@ def tried(fit: Fitted, search: Search, effects: Sequence[Judged]) -> Trial:
 
 
 def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
-    """Return whether a linear parameter of an effect differs from zero by more than so many
-    standard deviations, and by more than is usual.
-    """
+    """Return whether a linear parameter of an effect is more than noise and than usual."""
     changes = [value.change for value in values[: len(one.shaped.positive)]]
     usual = one.shaped.candidate.effect.usual
     return any(abs(change) > max(sigmas * std_dev, usual) for change, std_dev in changes)
@@ -355,9 +351,7 @@ def proved(
 
 
 def resemblance(trial: Trial, before: Trial) -> Rejection | None:
-    """Why effects only resemble what is missing: they leave most of the energy beyond noise where
-    they act, and explain less than half of what a learner explains besides.
-    """
+    """Objection that effects leave most where they act, and explain little of the rest."""
     least = trial.thresholds.method.simple_share
     if trial.left_share <= 1.0 - least or (share := trial.explained(before)) >= least:
         return None
@@ -365,7 +359,7 @@ def resemblance(trial: Trial, before: Trial) -> Rejection | None:
 
 
 def objection(one: Judged, gap: Gap) -> Rejection | None:
-    """Why an effect does not close the gap where it acts; None if it does."""
+    """The reason why an effect does not close the gap where it acts; None if it does."""
     own = one.shaped.joints(gap.joints)
     held_to, method = gap.held_to, gap.method
     closed, errors = held_to.closed_on(own), tuple(map(held_to.change, own))
@@ -379,9 +373,7 @@ def objection(one: Judged, gap: Gap) -> Rejection | None:
 
 
 def _simple(one: Judged, share: float) -> bool:
-    """Return whether an effect helps wherever it is asked, and no other is as good; one that a
-    shape bends leads by this share of its score.
-    """
+    """Return whether an effect helps everywhere, and no other is nearly as good."""
     asked = one.held_out[np.isfinite(one.held_out)]
     bent = one.shaped.shape or one.shaped.candidate.drawn
     alone = not one.indistinct and (not bent or one.margin > share * one.score)

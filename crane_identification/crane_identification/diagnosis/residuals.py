@@ -167,7 +167,7 @@ def region(
 
 
 def regions(fit: Fitted, trial: Trial) -> list[schema.FoundRegion | None]:
-    """Where the residual of each joint sits."""
+    """The region of the residual of each joint."""
     evidence, out = fit.evidence, list[schema.FoundRegion | None]()
     for j in range(len(evidence.joints)):
         residual, used = trial.residual[:, j], evidence.used[:, j]
@@ -196,7 +196,7 @@ SINGULAR_POWER = 1e-8  # of the largest eigenvalue, up to which a combination of
 
 
 def unknown_force(search: Search, j: int) -> schema.UnknownPlace:
-    """What is known of the residual of joint number j before anything is added."""
+    """The residual of joint number j before anything is added: size, signatures, recordings."""
     joint, beyond = search.evidence.joints[j], float(search.unexplained_on_joints(NOTHING)[j])
     near = [_near(search, one, beyond) for one in signatures(search, joint)]
     near.sort(key=lambda one: -(one.explained_share or 0.0))

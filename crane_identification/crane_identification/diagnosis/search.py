@@ -188,7 +188,7 @@ class Search:
         return self._by_channel(left**2 - noise)
 
     def unexplained_on_joints(self, subset: Subset) -> np.ndarray:
-        """The same (j,) of each joint; less than noise counts as none."""
+        """Energy (j,) that a set leaves on each joint; less than noise counts as none."""
         by_channel = np.maximum(self.unexplained(subset), 0.0)
         return np.asarray(by_channel.reshape(-1, len(self.evidence.joints)).sum(axis=0))
 
@@ -243,9 +243,7 @@ class Search:
         return self.strength_on(gain, j) >= self.thresholds.gates.smallest_strength
 
     def detectable(self, threshold: float) -> float:
-        """Strength at which nearly all of the testable candidates would reach the threshold;
-        infinite if none is testable.
-        """
+        """Strength at which nearly all testable candidates reach the threshold, or infinite."""
         strengths: dict[Candidate, float] = {}
         candidates = self.projection.candidates
         for number, share in enumerate(self.projection.visibility):

@@ -127,9 +127,7 @@ class ForwardSelection:
         return len(projection.candidates) - 1
 
     def refine(self, subset: Subset) -> Subset:
-        """The set with the shapes of its candidates refined, at which they are added; of loads,
-        which recordings have one in common.
-        """
+        """The set with the shapes of its candidates refined, and its loads grouped."""
         subset = self._regrouped(subset)
         for place in range(len(subset.numbers)):
             for name in self.search.projection.candidates[subset.numbers[place]].candidate.shapes:
@@ -143,9 +141,7 @@ class ForwardSelection:
         return subset
 
     def _grouped(self, subset: Subset, place: int) -> Subset:
-        """The set with one load for each group of recordings that agree, beside its other effects;
-        the lightest group has none.
-        """
+        """The set with one load for each group of recordings that agree; the lightest has none."""
         search, projection = self.search, self.search.projection
         candidate = projection.candidates[subset.numbers[place]].candidate
         each = self._alone(candidate, {LOADS: one_each(search.evidence)})

@@ -48,7 +48,7 @@ def on_several_joints(search: Search, threshold: float) -> Subset:
     found, first = NOTHING, 0.0
 
     def best(rest: tuple[str, ...]) -> tuple[Subset, tuple[str, ...]]:
-        """With one more kind, that which explains most beside the `rest`."""
+        """The best set with one more kind beside the `rest`."""
         tried = []
         for kind in members.keys() - set(rest):
             kinds = (*rest, kind)
@@ -73,7 +73,7 @@ def on_several_joints(search: Search, threshold: float) -> Subset:
 
 
 def chance_of_kind(search: Search, numbers: Sequence[int]) -> float:
-    """As `by_chance`, of the candidates with these numbers alone."""
+    """The gain asked of the candidates with these numbers, by chance."""
     wanted = np.isin(np.arange(len(search.projection.candidates)), numbers)
     return by_chance(replace(search, projection=search.projection.kept(wanted)), NOTHING)
 
@@ -136,18 +136,14 @@ def as_kinds(search: Search, found: Sequence[Judged], known: int) -> list[Judged
 
 
 class _Kind(NamedTuple):
-    """Another kind in the place of one: the score that it is behind by on all joints, and what is
-    asked.
-    """
+    """Another kind in the place of one: its `lead` on all joints, and the lead that is asked."""
 
     lead: float
     asked: float
 
 
 def _other_kinds(effects: Sequence[Judged]) -> dict[str, _Kind]:
-    """The kinds that come in the place of one or more of the `effects` of a kind, by type; an
-    effect in whose place a kind does not come is lost with it.
-    """
+    """The kinds, by type, that may replace `effects` of a kind; other effects are lost."""
     by_joint = [
         {
             one.candidate.type: one
@@ -204,9 +200,7 @@ def best_pair(search: Search) -> Subset:
 
 
 def smallest(search: Search, subset: Subset, tolerance: float) -> Subset:
-    """The set with its factors replaced by the smallest ones that come to the same, to a
-    `tolerance` of gain: a file errs rather by little.
-    """
+    """The set with the smallest of the factors that come to the same within a `tolerance`."""
     known = factors(search)
     places = [place for place, number in enumerate(subset.numbers) if number in known]
     best, least = subset, np.inf

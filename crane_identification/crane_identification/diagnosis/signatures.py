@@ -108,9 +108,7 @@ def _friction(
 def of_better_signature(
     search: Search, subset: Subset, settled: int = 0
 ) -> tuple[Subset, list[Rejection]]:
-    """The set with effects, but the first `settled`, replaced by those whose signature is clearly
-    better, and rejections by signatures that no effect has.
-    """
+    """The set with laws of clearly better signatures, and rejections by unlisted ones."""
     strange = []
     for place in range(settled, len(subset.numbers)):
         other = _rival(search, subset, place)
@@ -187,10 +185,7 @@ def _better(
     shaped: ShapedCandidate,
     rest: Sequence[np.ndarray],
 ) -> Judged:
-    """The effect with its law or, if that explains clearly more beside the `rest` (n, c, k each),
-    also of held-out recordings, with its curve. Clearly more is much of what the law explains or of
-    what is left where it acts.
-    """
+    """The effect with its law or, if that explains clearly more also held out, its curve."""
     search, method = selection.search, selection.search.thresholds.method
     lead = search.explained(*rest, shaped.columns) - search.explained(*rest, law.shaped.columns)
     left, chance = search.unexplained_beside(subset, place), chance_of(search, shaped.columns)
@@ -244,9 +239,7 @@ def signatures(search: Search, joint: str) -> list[ForceSignature]:
 
 
 def start_beside(selection: ForwardSelection, passed: Sequence[Judged]) -> bool:
-    """Let the selection go on from effects of which some were drawn; false if none was, or if they
-    have no solution together.
-    """
+    """Let the selection go on from effects if some were drawn; return whether it does."""
     if not any(one.shaped.candidate.drawn for one in passed):
         return False
     start = selection.search.together(one.shaped for one in passed)
@@ -273,9 +266,7 @@ def best_beside(selection: ForwardSelection, size: int, settled: Sequence[Judged
 
 
 def judged_beside(search: Search, subset: Subset, settled: Sequence[Judged]) -> list[Judged]:
-    """The effects of a set. Those that are `settled` are weighed anew as kinds or, if one was
-    drawn, stay as they are.
-    """
+    """The effects of a set; `settled` ones are judged as kinds or stay if one was drawn."""
     found, known = all_judged(search, subset), len(settled)
     if any(one.shaped.candidate.drawn for one in settled):
         stay = [

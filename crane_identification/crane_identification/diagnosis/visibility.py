@@ -52,9 +52,7 @@ def _predicted(evidence: Evidence, run: Run) -> np.ndarray:
 
 
 def is_the_force_itself(evidence: Evidence, term: Term, joint: str) -> bool:
-    """Return whether a term on a joint explains a force that no load makes: what the model leaves
-    there, turned round in time within each run.
-    """
+    """Return whether a term explains a residual turned round in time: no load makes it."""
     j = evidence.joints.index(joint)
 
     def turned(run: Run) -> np.ndarray:
@@ -92,9 +90,7 @@ def holds_noise(one: ShapedCandidate) -> bool:
 def of_own_noise(
     evidence: Evidence, whitener: Whitener, base: Base, found: list[ShapedCandidate]
 ) -> tuple[np.ndarray, set[Candidate]]:
-    """Which (candidates,) may explain but noise by itself, and their effects: those that show less
-    in the predicted force than in the measured one.
-    """
+    """Candidates (candidates,) that may explain only noise by itself, and their effects."""
     numbers = [number for number, one in enumerate(found) if LEAD in one.shape]
     predicted = with_predicted_force(evidence) if numbers else evidence
     own, late = np.zeros((2, len(found)))
@@ -144,7 +140,7 @@ as much friction would have to be where none is seen."""
 def visible(
     projection: Projection, evidence: Evidence, whitener: Whitener
 ) -> tuple[np.ndarray, dict[Candidate, str]]:
-    """Which (candidates,) can be tested, and why others cannot."""
+    """Return whether each candidate can be tested, and the reasons against others."""
     itself = _force_itself(projection, evidence, whitener)
     itself |= _made_of_the_residual(projection, evidence, whitener, itself)
     candidates = [shaped.candidate for shaped in projection.candidates]
@@ -167,9 +163,7 @@ def visible(
 
 
 def _usual(projection: Projection) -> dict[Candidate, str]:
-    """Candidates whose parameters are those of any sound machine; none if one of them is not,
-    beside which others may be larger.
-    """
+    """Candidates whose parameters are those of any sound machine, unless one is larger."""
     found = {}
     for shaped, own in zip(projection.candidates, projection.columns_of, strict=True):
         effect = shaped.candidate.effect
@@ -192,9 +186,7 @@ def _least(candidate: Candidate) -> float:
 
 
 def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Candidate]:
-    """Candidates of one joint with a column that is, on the rows of that joint beside the model,
-    the residual there.
-    """
+    """Candidates with a column that is the residual of their joint beside the model."""
     joints = evidence.model.joints
     force, base = whitener(evidence.force), whitener(evidence.base)
     first = {shaped.candidate: shaped for shaped in reversed(projection.candidates)}
@@ -218,9 +210,7 @@ def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener
 def _made_of_the_residual(
     projection: Projection, evidence: Evidence, whitener: Whitener, found: set[Candidate]
 ) -> set[Candidate]:
-    """Further candidates that follow the measured force and, beside the model, what it does not
-    predict: friction |tau| sgn(v) is tau again where most of the force is friction.
-    """
+    """Candidates that follow the force and, beside the model, its unpredicted part."""
     wanted = {
         shaped.candidate: shaped
         for shaped in projection.candidates

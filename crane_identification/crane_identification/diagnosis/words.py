@@ -55,9 +55,7 @@ CLEAR_SIGMAS = 3.0  # from which a recording differs from the others
 
 
 class PrintedParameter(NamedTuple):
-    """A parameter as it is printed, or why there is no number. `change`: what was added to the
-    value before, and that one.
-    """
+    """A parameter as it is printed, or why it has no number; `change` from the value before."""
 
     name: str
     value: str
@@ -97,7 +95,7 @@ def said(text: str, joints: Iterable[str]) -> str:
 
 
 def sentence(text: str) -> str:
-    """With a capital letter, and a full stop where no question ends it."""
+    """The text with a capital letter, and a full stop unless it is a question."""
     return text[:1].upper() + text[1:] + ("" if text.endswith((".", "?")) else ".")
 
 
@@ -107,7 +105,7 @@ def answer(content: Content) -> str:
 
 
 def reason(content: Content) -> str:
-    """Why the verdict is what it is."""
+    """The reason for the verdict."""
     return sentence(said(content["reason"], content["where"]))
 
 
@@ -146,7 +144,7 @@ def motion(content: Content, units: Mapping[str, str]) -> Iterator[tuple[str, st
 
 
 def commanded(content: Content) -> Iterator[tuple[str, list[str]]]:
-    """How far ahead, and of each joint the error of the motion from commands over its path."""
+    """The horizon, and the error of each joint from commands over its path."""
     for one in content["model_error"].get("from_commands", ()):
         shares = [
             _step(
@@ -185,7 +183,7 @@ def called(finding: Content) -> str:
 
 
 def alone(one: Content) -> str:
-    """One effect and its joint."""
+    """An effect and its joint."""
     return f"{one['name']} ({place(one['joint'])})"
 
 
@@ -234,7 +232,7 @@ def drawn(finding: Content) -> list[str]:
 
 
 def carried(finding: Content) -> list[str]:
-    """Which recordings carry which load, where the effect is one."""
+    """The recordings that carry each load, if the effect is one."""
     words = {NO_LOAD: "no load, from which masses count,"}
     return [
         f"{words.get(name, name)} in {listed(recordings)}"
@@ -244,7 +242,7 @@ def carried(finding: Content) -> list[str]:
 
 
 def magnitude(finding: Content) -> str:
-    """How large an effect is, and how much of it shows; empty where that is not known."""
+    """The size of an effect and of its visible part; empty if unknown."""
     if finding["visible_magnitude"] is None:
         return ""
     visible = short_percent(finding["visible_magnitude"])
@@ -295,7 +293,7 @@ def disagrees(content: Content) -> Iterator[tuple[str, str]]:
 
 
 def left(content: Content) -> str:
-    """What kind of residual is left, and where a systematic one sits."""
+    """The kind of residual that is left, and the region of a systematic one."""
     systematic, errors = [], []
     for joint, one in content["left"].items():
         if one["systematic"]:
@@ -338,7 +336,7 @@ def nearest(content: Content) -> list[str]:
 
 
 def own_terms(content: Content) -> list[str]:
-    """What the user's terms explain that are not named, and why they are not."""
+    """The user's terms that are not named, and why."""
     out = []
     for one in content.get("own_terms", ()):
         if one["tried"]:
@@ -367,7 +365,7 @@ def _tried(near: Content, content: Content) -> list[str]:
 
 
 def unknown_title(content: Content) -> str:
-    """Where an unknown force is, and how large; empty where nothing is unknown."""
+    """The joint and size of an unknown force; empty if nothing is unknown."""
     unknown = content.get("unknown")
     if unknown is None:
         return ""
@@ -377,7 +375,7 @@ def unknown_title(content: Content) -> str:
 
 
 def unknown(content: Content) -> list[str]:
-    """What an unknown force may depend on, what speaks against that, and how recordings differ."""
+    """The signatures of an unknown force with objections, differing recordings, the formula."""
     one = content.get("unknown")
     return [] if one is None else [*_signatures(one), *_recordings(one), *_formula(one)]
 
@@ -401,7 +399,7 @@ def _signatures(unknown: Content) -> Iterator[str]:
 
 
 def _against(one: Content, first: Content) -> str:
-    """What speaks against a signature, beside the first of the list."""
+    """Objections to a signature, beside the first of the list."""
     against = []
     rest = 1.0 - (one["explained_share"] or 0.0)
     if rest > CLEAR_SHARE:
@@ -547,7 +545,7 @@ def _finding_lines(number: int, finding: Content) -> list[str]:
 
 
 def _step(before: float | None, after: float | None) -> str:
-    """From one share to another, once if both are printed alike."""
+    """A change of a share; one number if both are printed alike."""
     return " → ".join(dict.fromkeys(percent(_number(share)) for share in (before, after)))
 
 
