@@ -28,24 +28,20 @@ from crane_model.result_file import QuestionKind
 Content = Mapping[str, Any]
 
 ANSWERS = {
-    "named": "Something is missing, and these recordings say what",
-    "named_and_more": "Something is missing, and these recordings say what; so is something more",
-    "ambiguous": "Something is missing; these recordings cannot tell which of these effects it is",
-    "none": "Nothing is missing that these recordings could show",
-    "unknown": "Something is missing, and it is not an effect of the catalogue",
+    "named": "Something {is}, and these recordings say what",
+    "named_and_more": "Something {is}, and these recordings say what; so {verb} something more",
+    "ambiguous": "Something {is}; these recordings cannot tell which of these effects it is",
+    "none": "Nothing {is} that these recordings could show",
+    "unknown": "Something {is}, and it is {not_in} an effect of the catalogue",
     "insufficient_data": "These recordings do not suffice for an answer",
 }
-CHANGES = ANSWERS | {
-    "named": "Something has changed since the model was made, and these recordings say what",
-    "named_and_more": "Something has changed since the model was made, and these recordings say "
-    "what; so has something more",
-    "ambiguous": "Something has changed since the model was made; these recordings cannot tell "
-    "which of these effects it is",
-    "none": "Nothing has changed since the model was made that these recordings could show",
-    "unknown": "Something has changed since the model was made, and it is neither a value of the "
-    "model nor an effect of the catalogue",
+MISSING = {"is": "is missing", "verb": "is", "not_in": "not"}
+CHANGED = {
+    "is": "has changed since the model was made",
+    "verb": "has",
+    "not_in": "neither a value of the model nor",
 }
-"""What the verdicts say where the values of the model are kept."""
+"""Words of the verdicts if the values of the model are kept."""
 NOISE = {"none", "insufficient_data"}
 """Answers with which the residual is noise, as far as the recordings show."""
 SMALLEST_CLOSED = 1e-4  # share of a model error, below which none of it is closed
@@ -59,13 +55,9 @@ class PrintedParameter(NamedTuple):
 
     name: str
     value: str
-    std_dev: str
+    deviation: str
     unit: str
     change: str = ""
-
-    @property
-    def deviation(self) -> str:
-        return "" if self.std_dev == NONE else f"± {self.std_dev}"
 
     def __str__(self) -> str:
         parts = (f"{self.name} =", self.value, self.deviation, self.unit)
@@ -101,7 +93,8 @@ def sentence(text: str) -> str:
 
 def answer(content: Content) -> str:
     """The verdict, in words."""
-    return (CHANGES if content.get("values_kept") else ANSWERS)[content["verdict"]]
+    said = CHANGED if content.get("values_kept") else MISSING
+    return ANSWERS[content["verdict"]].format(**said)
 
 
 def reason(content: Content) -> str:
@@ -118,9 +111,8 @@ def errors(content: Content) -> Iterator[PrintedError]:
     """The held-out error of each joint."""
     error = content["model_error"]
     for joint, old in error["before"].items():
-        before, after = (
-            percent(_number(side["force_relative_error"])) for side in (old, error["after"][joint])
-        )
+        sides = old, error["after"][joint]
+        before, after = (percent(_number(side["force_relative_error"])) for side in sides)
         closed = _number(error["closed"][joint])
         yield PrintedError(
             spoken(joint),
@@ -132,29 +124,22 @@ def errors(content: Content) -> Iterator[PrintedError]:
         )
 
 
-def motion(content: Content, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+def motion(content: Content, units: Mapping[str, str]) -> Iterator[list[str]]:
     """Errors of the simulated motion of each joint, before and after; coordinates have `units`."""
     error = content["model_error"]
     for joint, old in error["before"].items():
+        sides = (plain(1e3 * _number(one["motion_error"])) for one in (old, error["after"][joint]))
         unit = f"{NARROW_SPACE}m{units[joint]}"
-        before, after = (
-            plain(1e3 * _number(side["motion_error"])) for side in (old, error["after"][joint])
-        )
-        yield (before + (unit if before != NONE else ""), after + (unit if after != NONE else ""))
+        yield [text + (unit if text != NONE else "") for text in sides]
 
 
 def commanded(content: Content) -> Iterator[tuple[str, list[str]]]:
     """The horizon, and the error of each joint from commands over its path."""
     for one in content["model_error"].get("from_commands", ()):
-        shares = [
-            _step(
-                *(
-                    error / path if (error := one[side][joint]) is not None and path else None
-                    for side in ("before", "after")
-                )
-            )
-            for joint, path in one["displacement"].items()
-        ]
+        shares = []
+        for joint, path in one["displacement"].items():
+            errors = one["before"][joint], one["after"][joint]
+            shares.append(_step(*(None if e is None or not path else e / path for e in errors)))
         yield f"{plain(one['horizon'])}{NARROW_SPACE}s", shares
 
 
@@ -195,8 +180,8 @@ def estimate(parameter: Content) -> PrintedParameter:
         for number in (parameter["value"], parameter["std_dev"], parameter.get("minimum"))
     )
     printed = shown(value, deviation, None if isnan(minimum) else minimum)
-    number = not printed.value.startswith(NOT_DETERMINED)
-    deviated = printed.std_dev if number else NONE
+    none = printed.value.startswith(NOT_DETERMINED) or printed.std_dev == NONE
+    deviated = "" if none else f"± {printed.std_dev}"
     change = ""
     if "before" in parameter:
         by, before = (
