@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from crane_identification.diagnosis.constants import POWER_RATIO, SLIGHT_SHARE, SURE_SIGMAS
 from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.fit import Fitted
 from crane_model.errors import CraneError
@@ -28,14 +29,7 @@ Loads = tuple[Load, ...]
 
 LOADS = "loads"  # the field of a term that carries them
 NO_LOAD = "none"  # what the lightest recordings carry: masses count from it
-MASS_SIGMAS = 4.0  # standard deviations within which two masses are the same,
-MASS_SHARE = (
-    0.05  # or this share of the largest difference: no load is a point, nor quite at the tip
-)
 
-POWER_RATIO = 4.0
-"""By how much a load that nothing in training speaks for reduces the power of what is left of the
-joint that is worst off, at least; and how much more than in training is then left, at most."""
 BLOCKS = 8  # of a recording, one left out at a time: what is left is not white
 
 
@@ -74,7 +68,7 @@ def agreeing(information: np.ndarray, score: np.ndarray, variance: float) -> lis
             for k in range(len(groups) - 1)
         ]
         lost = np.array([gain - _of_groups(one, information, score)[1] for one in joined])
-        same = (lost < MASS_SIGMAS**2 * variance) | (np.diff(means) < MASS_SHARE * np.ptp(means))
+        same = (lost < SURE_SIGMAS**2 * variance) | (np.diff(means) < SLIGHT_SHARE * np.ptp(means))
         if not same.any():
             return groups
         groups = joined[int(np.argmin(np.where(same, lost, np.inf)))]
@@ -137,7 +131,7 @@ def weighed(
             for each in (force, force - mass * column)
         )
         sure = (
-            abs(mass) > MASS_SIGMAS * spread and POWER_RATIO * rest < power and rest < POWER_RATIO
+            abs(mass) > SURE_SIGMAS * spread and POWER_RATIO * rest < power and rest < POWER_RATIO
         )
         if known or sure:
             found[k] = Weighed(source, mass, spread, not known)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.constants import LARGEST_SET
 from crane_identification.diagnosis.judgement import (
     Beyond,
     Judged,
@@ -21,7 +22,7 @@ from crane_identification.diagnosis.judgement import (
 from crane_identification.diagnosis.lookalikes import of_one_form, with_strange
 from crane_identification.diagnosis.projection import NOTHING, Subset
 from crane_identification.diagnosis.search import Search
-from crane_identification.diagnosis.selection import LARGEST_SET, ForwardSelection
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.diagnosis.several import (
     as_kinds,
     best_pair,

@@ -11,12 +11,17 @@ from crane_identification.data.log import Log
 from crane_identification.diagnosis import findings as schema
 from crane_identification.diagnosis.answer import Answer, answered
 from crane_identification.diagnosis.candidates import (
-    MASS_SIGMAS,
     NO_LOAD,
     WHOLE,
     Candidate,
     Weighed,
     wanted,
+)
+from crane_identification.diagnosis.constants import (
+    FORM_ERROR,
+    PARTLY_SEEN_SHARE,
+    PLAUSIBLE_SHARE,
+    SURE_SIGMAS,
 )
 from crane_identification.diagnosis.decision import Decision, decide
 from crane_identification.diagnosis.evidence import Evidence
@@ -48,13 +53,6 @@ from crane_model.terms.force_scale import USUAL_SCALE_ERROR
 LAST = -1  # place of the effect that was put into a set: it is smaller where signs forbid the rest
 NOISE_LAGS = 64  # rows after which noise is forgotten
 NEAREST_MEMBERS = 4  # effects that come closest, of an answer that the catalogue does not hold it
-PARTLY_SEEN_SHARE = 0.25  # of the energy of an effect, below which it may stay unseen
-FORM_ERROR = 0.75
-"""Relative error of a parameter, over the model error beyond noise relative to the visible part of
-its effect. A smooth force of another form hides in the other parameters: the error is larger than
-what is left. Two of these cover in 95 % of 384 regressions with forms of four families, and in 96 %
-of 384 others."""
-PLAUSIBLE_SHARE = 0.02  # rms of a term that is not determined, over that of the force of its joint
 
 
 @dataclass(frozen=True)
@@ -342,7 +340,7 @@ def _of_load(diagnosis: Diagnosis, one: Weighed) -> schema.FindingEntry:
     carried = {mass.name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}
     score = (one.mass / one.std_dev) ** 2
     what = Candidate(cls, None)
-    return _by_itself(what, WHOLE, mass, score, MASS_SIGMAS**2, carried_in=carried)
+    return _by_itself(what, WHOLE, mass, score, SURE_SIGMAS**2, carried_in=carried)
 
 
 def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> schema.FindingEntry:

@@ -16,6 +16,7 @@ from numba import njit
 from scipy import ndimage, signal
 
 from crane_identification.data.column_map import COUNTS
+from crane_identification.diagnosis.constants import CHANNEL_ROWS, OPEN_TURNING, ROWS_PER_UNKNOWN
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
 from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import PASS_BAND_SHARE, decimation_rows
@@ -29,8 +30,6 @@ from crane_model.terms import Term, joints_of, nuisances, typical
 # A linear filter on both sides of (28) leaves Theta as it is. With a finite response only the rows
 # that are kept cost anything, which counts with hundreds of columns.
 
-OPEN_TURNING = 0.15
-"""As `LEAST_OPEN_SHARE` close to reversals, which are shorter than what the filter sees."""
 CYCLES = 12  # length of the response, in rows that are kept
 STOP_BAND = 6.0  # shape of the Kaiser window: 60 dB
 
@@ -213,13 +212,7 @@ def way_since_turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 TINY = np.finfo(float).tiny
-MOST_SHARE = 0.5  # from which on a share is most of something
 ROUNDING_SHARE = 1e-8  # of the largest eigenvalue: directions below are rounding
-VISIBLE_SHARE = 0.02
-"""Share of a column's norm that must be left beside the others for what it stands for to show: for
-an effect to be testable, and for a parameter of the model to be determined."""
-ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about what it lacks
-FEWEST_ROWS = 8
 
 
 class ShownTerm(NamedTuple):
@@ -480,4 +473,4 @@ def beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def says_nothing(used: np.ndarray, known: np.ndarray) -> bool:
     """Return whether `used` rows (n,) are too few for directions `known` (rows, d) of the base."""
-    return bool(used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS))
+    return bool(used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], CHANNEL_ROWS))

@@ -8,8 +8,8 @@ from math import ceil
 import numpy as np
 
 from crane_identification.data.log import Log
+from crane_identification.diagnosis.constants import FEWEST_ROWS, ROWS_PER_PARAMETER, VISIBLE_SHARE
 from crane_identification.diagnosis.evidence import (
-    VISIBLE_SHARE,
     Evidence,
     Zone,
     beside,
@@ -135,11 +135,6 @@ def _beside_nuisances(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.nd
     return matrix, force, counted
 
 
-ENOUGH_ROWS = 60
-"""Rows of the joint that moves most. No score exceeds the number of rows, whatever is missing."""
-ROWS_PER_PARAMETER = 3  # of the model, which leaves nothing to look into of fewer
-
-
 @dataclass(frozen=True)
 class Training:
     """Recordings that models are fitted to, the `factor` of their rows, and their names."""
@@ -242,7 +237,7 @@ def decimation(model: Model, training: Sequence[Preparation], given: int | None)
     if given is not None:
         return factor
     samples = int(sum(one.moving.sum(axis=0) for one in training).max())
-    enough = max(ENOUGH_ROWS, ROWS_PER_PARAMETER * len(model.parameters))
+    enough = max(FEWEST_ROWS, ROWS_PER_PARAMETER * len(model.parameters))
     return max(min(factor, samples // enough), ceil(KEPT_SHARE * factor))
 
 

@@ -9,6 +9,13 @@ import numpy as np
 from pydantic import model_validator
 
 from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.constants import (
+    SAME_ASYMMETRY,
+    SAME_COMMAND,
+    SAME_LEAKAGE,
+    SAME_OIL,
+    SURE_SIGMAS,
+)
 from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.flow_balance import (
     COLUMNS,
@@ -33,12 +40,6 @@ from crane_model.machine_files import machine_file
 from crane_model.terms import Effect
 
 # What is usual of valves and oil: the machine's own values where they are known, else a file's.
-
-IDENTIFIED_SIGMAS = 4.0  # standard deviations of an own value that are no change of it
-SAME_COMMAND = 1e-3  # [-1..1] by which dead bands and play that are the same may differ
-SAME_ASYMMETRY = 5e-3  # of the gains
-SAME_LEAKAGE = 1e-14  # m3/(s Pa)
-SAME_OIL = 0.1  # of the bulk modulus, which a little air or warmth changes as much
 
 
 class Usual(Schema):
@@ -111,7 +112,7 @@ def _own(known: JointHydraulics) -> dict[str, Any]:
 
     def beyond(name: str, same: float) -> float:
         one = values[name]
-        return one.value + same + IDENTIFIED_SIGMAS * (one.std_dev or 0.0)
+        return one.value + same + SURE_SIGMAS * (one.std_dev or 0.0)
 
     d_a, d_b = values["dead_band_a"].value, values["dead_band_b"].value
     strokes = 1.0 - np.array([d_a, d_b, d_b, d_a])  # of EDGES, to fully open
@@ -122,7 +123,7 @@ def _own(known: JointHydraulics) -> dict[str, Any]:
         "hysteresis": beyond("hysteresis", SAME_COMMAND),
         "asymmetry": (centre - SAME_ASYMMETRY, centre + SAME_ASYMMETRY),
         "leakage": beyond("leakage", SAME_LEAKAGE),
-        "bulk_modulus": (1.0 - SAME_OIL) * oil.value - IDENTIFIED_SIGMAS * (oil.std_dev or 0.0),
+        "bulk_modulus": (1.0 - SAME_OIL) * oil.value - SURE_SIGMAS * (oil.std_dev or 0.0),
     }
     parts = {
         "dead_bands": {"dead_band_a", "dead_band_b"},

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from crane_identification.diagnosis.constants import LEAST_DROP, LEAST_RUN, LEAST_TIME
 from crane_identification.diagnosis.evidence import Evidence, Run, normed, thinned
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
 from crane_model.errors import DataError
@@ -29,12 +30,6 @@ from crane_model.record import Record
 
 # The rows of the balance of flow of one joint, filtered like the torque.
 
-LEAST_TIME = 8.0  # s of motion in either direction
-LEAST_RUN = 1.0  # s; of what is shorter, the filter sees nothing but its ends
-LEAST_DROP = 3e5  # Pa
-"""From chambers to tank and supply. Below it, errors of transducers are as large as the drop, and a
-chamber may be about to be empty and draw oil past the valve.
-"""
 SIGNALS = ("command", "pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
 
 

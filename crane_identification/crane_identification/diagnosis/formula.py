@@ -15,10 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from crane_identification.diagnosis.evidence import (
+from crane_identification.diagnosis.constants import (
+    FORMULA_SHARE,
     MOST_SHARE,
-    TINY,
+    SURE_SIGMAS,
     VISIBLE_SHARE,
+)
+from crane_identification.diagnosis.evidence import (
+    TINY,
     Evidence,
     beside,
     least_squares,
@@ -42,9 +46,7 @@ from crane_model.terms.term import Variable
 NAMES = "abc"  # of the coefficients
 MOST_TERMS = len(NAMES)
 KEPT_SINGLES = 60  # terms by themselves, the best of which are tried in pairs
-LEAST_SHARE = 0.03  # of the energy beyond noise, that a further term explains at least
 ALIKE = 1e-3  # share of the energy of a term that is left beside another, below which both are one
-SURE_SIGMAS = 4.0  # by which a coefficient differs from zero, or its term is dropped
 WAVES, STEPS, EDGES = 40, 8, 9  # scales of waves, of curves that level off, and of edges
 
 
@@ -103,11 +105,11 @@ def formula(search: Search, held_out: Evidence, gap: Gap, j: int) -> FoundFormul
     known = 0.0
     for terms in grammar.best():
         gain = grammar.gain(terms)
-        if best is not None and gain - known < LEAST_SHARE * grammar.beyond:
+        if best is not None and gain - known < FORMULA_SHARE * grammar.beyond:
             break
         known = gain
         found = _tested(search, held_out, gap, j, terms)
-        if best is None or (found.closed_share or 0.0) > best[0] + LEAST_SHARE:
+        if best is None or (found.closed_share or 0.0) > best[0] + FORMULA_SHARE:
             best = (found.closed_share or 0.0), found
     return best[1] if best is not None and best[0] >= MOST_SHARE else None
 

@@ -14,6 +14,7 @@ from threadpoolctl import ThreadpoolController
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis.candidates import Weighed, with_own_loads
+from crane_identification.diagnosis.constants import FEWEST_ROWS
 from crane_identification.diagnosis.evidence import TINY, Evidence, Run, row_noise
 from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.judgement import HeldOutChange
@@ -78,7 +79,6 @@ def scatter_of_samples(evidence: Evidence) -> np.ndarray:
 ITERATIONS = 80
 SEED = 7
 BLOCK = 10  # rows, some seconds: longer than what a residual remembers
-FEWEST_ROWS = 60  # of a joint, below which nothing is learnt
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,16 @@ import numpy as np
 from scipy.stats import chi2
 
 from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.constants import (
+    FEWEST_ACTING,
+    FEWEST_OCCASIONS,
+    FEWEST_RECORDINGS,
+    HELD_SHARE,
+    IDENTICAL_CORRELATION,
+    LITTLE_SHARE,
+    QUIET_SHARE,
+    TIME_BLOCKS,
+)
 from crane_identification.diagnosis.evidence import TINY, Evidence, beside, leading
 from crane_identification.diagnosis.projection import (
     NOTHING,
@@ -79,18 +89,6 @@ def chance_of(search: Search, columns: np.ndarray) -> float:
 # Whether an effect improves the prediction of recordings that it was not fitted to. Only recordings
 # in which it acts count: elsewhere, chance alone decides.
 
-FEWEST_BAGS = 4  # with fewer, blocks of time take their place
-TIME_BLOCKS = 6
-HELD_SHARE = 0.2
-"""Share of a direction's norm that the other folds must hold to determine its coefficient: the
-noise that the fold is predicted with because of it is then five times that of a row at most."""
-ACTING_SHARE = 0.1
-"""Share of what a recording would have of the energy of an effect if all had the same, from which
-on it acts there."""
-FEWEST_ACTING = 3  # recordings in which an effect acts; with fewer, blocks of time take their place
-FEWEST_OCCASIONS = 2  # on which it acts there, as into an end and out: what happens once is no law
-QUIET_SHARE = 0.01  # of the largest energy of a row: below it, an occasion has ended
-
 
 class Folds(NamedTuple):
     """The fold (n,) of each row, -1 where it is in none, and the names of the folds."""
@@ -101,7 +99,7 @@ class Folds(NamedTuple):
 
 def folds(evidence: Evidence) -> Folds:
     """Recordings, or blocks of time."""
-    if len(evidence.sources) >= FEWEST_BAGS:
+    if len(evidence.sources) >= FEWEST_RECORDINGS:
         return Folds(evidence.bag, evidence.sources)
     order = np.arange(len(evidence.time))
     return _blocks(order * TIME_BLOCKS // len(order), TIME_BLOCKS)
@@ -112,11 +110,11 @@ def folds_of(evidence: Evidence, whitener: Whitener, force: np.ndarray) -> Folds
     blocks of time within them, each with as much of its energy; all if it acts but once.
     """
     every = folds(evidence)
-    if len(evidence.sources) < FEWEST_BAGS:
+    if len(evidence.sources) < FEWEST_RECORDINGS:
         return every
     power = np.bincount(whitener.row, whitener(force) ** 2, len(force))
     share = np.bincount(evidence.bag, power, len(every.names)) / max(power.sum(), TINY)
-    acting = share * len(every.names) > ACTING_SHARE
+    acting = share * len(every.names) > LITTLE_SHARE
     if acting.sum() >= FEWEST_ACTING:
         number = np.where(acting, np.cumsum(acting) - 1, -1)
         names = (name for name, there in zip(every.names, acting, strict=True) if there)
@@ -312,8 +310,6 @@ def simplest(search: Search, subset: Subset, threshold: float, settled: int = 0)
 # The judgement of an effect, and why it is rejected.
 
 BETWEEN = {"time", "recording"}  # by which recordings differ
-IDENTICAL_CORRELATION = 1.0 - 1e-6
-"""Above it, beside the model, an effect is the other one by another name."""
 
 
 class Reason(Enum):

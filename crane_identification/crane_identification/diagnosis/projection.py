@@ -8,6 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.constants import FORCE_CORRELATION
 from crane_identification.diagnosis.evidence import (
     ROUNDING_SHARE,
     Evidence,
@@ -25,9 +26,6 @@ from crane_identification.estimation.autoregression import (
 
 DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
 ROWS_PER_DIRECTION = 12  # a channel with fewer rows does not carry another direction
-FORCE_CORRELATION = 0.999
-"""A column whose part beyond the base is correlated like this with the residual is the measured
-force itself: it explains everything, noise included, and says nothing."""
 
 
 class _Pick(NamedTuple):

@@ -6,10 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.diagnosis import findings as schema
-from crane_identification.diagnosis.evidence import (
+from crane_identification.diagnosis.constants import (
+    DIFFERING_RATIO,
     MOST_SHARE,
-    TINY,
+    SLIGHT_SHARE,
     VISIBLE_SHARE,
+)
+from crane_identification.diagnosis.evidence import (
+    TINY,
     Evidence,
     Features,
     beside,
@@ -128,7 +132,6 @@ def feature_unit(feature: str, setting: Setting) -> str:
 # Where a residual sits: the quantity that it follows, and the range that carries most of it.
 
 REGION_BINS = 10
-UNCHANGED_ERROR = 0.95  # of an error, above which effects did not lessen it
 
 
 def region(
@@ -182,7 +185,7 @@ def energy_shares(evidence: Evidence, trial: Trial, gap: Gap) -> np.ndarray:
     """
     channels = np.maximum(trial.energy - evidence.used.sum(axis=0), 0.0)
     beyond = channels.reshape(-1, len(evidence.joints)).sum(axis=0)
-    noise = (gap.largest_before <= gap.floor) & (gap.after > UNCHANGED_ERROR * gap.before)
+    noise = (gap.largest_before <= gap.floor) & (gap.after > (1.0 - SLIGHT_SHARE) * gap.before)
     beyond = np.where(noise & ~noise.all(), 0.0, beyond)
     total = float(beyond.sum())
     return beyond / total if total > 0.0 else np.zeros_like(beyond)
@@ -191,7 +194,6 @@ def energy_shares(evidence: Evidence, trial: Trial, gap: Gap) -> np.ndarray:
 # What is known of an unknown force: size, what it may follow, and in which recordings.
 
 LISTED_SIGNATURES = 3  # the best ones
-DIFFERING_RATIO = 2.0  # times the median of the recordings, from which one differs
 SINGULAR_POWER = 1e-8  # of the largest eigenvalue, up to which a combination of columns is none
 
 

@@ -12,7 +12,8 @@ from crane_identification.diagnosis.candidates import (
     at_shape,
     observed,
 )
-from crane_identification.diagnosis.evidence import VISIBLE_SHARE, Evidence, beside, leading
+from crane_identification.diagnosis.constants import DETECTABLE_SHARE, VISIBLE_SHARE
+from crane_identification.diagnosis.evidence import Evidence, beside, leading
 from crane_identification.diagnosis.projection import (
     NOTHING,
     Base,
@@ -125,9 +126,6 @@ def _drawn(evidence: Evidence, candidate: Candidate) -> ShapedCandidate | None:
     over_force = cls.variable.startswith("force")
     own = over_force and is_the_force_itself(evidence, drawn.term, candidate.where)
     return None if own else drawn
-
-
-DETECTABLE_SHARE = 0.9  # of the effects, that show at the strength that is called detectable
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from crane_identification.diagnosis.candidates import (
     load_of,
     one_each,
 )
+from crane_identification.diagnosis.constants import LARGEST_SET
 from crane_identification.diagnosis.evidence import beside, leading
 from crane_identification.diagnosis.projection import (
     BEAM,
@@ -33,7 +34,6 @@ from crane_identification.diagnosis.search import Search
 from crane_model.progress_bar import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined
-LARGEST_SET = 6  # effects that are sought together
 REFINED_SETS = 4  # best sets of each size whose shapes are refined, so that the selection is fair,
 CLOSE_SHARE = 0.3  # if they add at least this share of what the best one adds
 LARGEST_GAIN = 1e12  # gain; beyond, the search for shapes would lose its numbers

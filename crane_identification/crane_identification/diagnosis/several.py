@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_identification.diagnosis.constants import FEWEST_JOINTS, LENGTH_ERROR
 from crane_identification.diagnosis.evidence import beside, leading
 from crane_identification.diagnosis.judgement import (
     Judged,
@@ -28,8 +29,6 @@ from crane_identification.diagnosis.projection import (
     solve,
 )
 from crane_identification.diagnosis.search import Search, columns_of_lengths
-
-FEWEST_JOINTS = 3
 
 
 def on_several_joints(search: Search, threshold: float) -> Subset:
@@ -219,7 +218,6 @@ def smallest(search: Search, subset: Subset, tolerance: float) -> Subset:
 
 # Lengths of links and linkages, which are those of the file give or take `LENGTH_ERROR`.
 
-LENGTH_ERROR = 0.02  # standard deviation of lengths that were not surveyed, relative
 LINKAGE = "linkage_scale"
 
 

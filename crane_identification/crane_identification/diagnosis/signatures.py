@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.constants import FAMILY_LEAD_SHARE, LITTLE_SHARE, SLIGHT_SHARE
 from crane_identification.diagnosis.evidence import TINY, beside, leading, least_squares
 from crane_identification.diagnosis.judgement import (
     Judged,
@@ -39,10 +40,6 @@ from crane_model.terms.nonparametric import NonparametricTerm
 # But friction that has fallen is still there, of which a law that falls leaves nothing, or less,
 # where a strong loss bends.
 
-FALL_SHARE = 0.05  # of the height of a shape, by which friction falls at least where it does
-LEAD_SHARE = 0.003  # of what the own family explains, that another one explains more at least
-KINETIC_SHARE = 0.1  # of friction at rest, that is left of it at least where friction has fallen
-
 
 def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tuple[str, ...]:
     """Types of the laws a curve of whose family explains clearly more than any of that of `law`,
@@ -56,7 +53,7 @@ def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tupl
     if friction is None:
         return ()
     speed, fallen, gone = friction
-    falls = fallen > FALL_SHARE and not gone
+    falls = fallen > SLIGHT_SHARE and not gone
     own = search.beside(shaped.columns)
     if rest:
         others = search.beside(*rest)
@@ -67,7 +64,7 @@ def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tupl
             curves = cls.family_of(kind, speed)  # of more friction, not of less
             power = np.maximum(np.einsum("km,kl,lm->m", curves, gram, curves), TINY)
             gains[kind] = float((np.maximum(curves.T @ score, 0.0) ** 2 / power).max())
-    known = (1.0 + LEAD_SHARE) * gains.pop(law.type)
+    known = (1.0 + FAMILY_LEAD_SHARE) * gains.pop(law.type)
     least = -np.inf if law.type in cls.falling and gone else known
     better = [kind for kind, gain in gains.items() if gain > least]
     return tuple(sorted(better, key=lambda kind: -gains[kind]))
@@ -97,7 +94,7 @@ def _friction(
     fall = (np.maximum.accumulate(friction) - friction).max()
     ends = [cls.straight_from, -1]
     left = np.polyfit(speed[ends], friction[ends], 1)[-1]
-    gone = bool(left < KINETIC_SHARE * max(friction[0], 0.0))
+    gone = bool(left < LITTLE_SHARE * max(friction[0], 0.0))
     return speed, float(fall / max(np.ptp(curve.values), TINY)), gone
 
 

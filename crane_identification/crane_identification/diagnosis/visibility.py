@@ -12,17 +12,22 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.evidence import (
+from crane_identification.diagnosis.constants import (
+    FORCE_CORRELATION,
+    LITTLE_SHARE,
     MOST_SHARE,
-    TINY,
+    SHORT_LEAD,
+    SLIGHT_SHARE,
     VISIBLE_SHARE,
+)
+from crane_identification.diagnosis.evidence import (
+    TINY,
     Evidence,
     Run,
     beside,
     leading,
 )
 from crane_identification.diagnosis.projection import (
-    FORCE_CORRELATION,
     SINGULAR_SHARE,
     Base,
     Projection,
@@ -79,12 +84,11 @@ def is_the_force_itself(evidence: Evidence, term: Term, joint: str) -> bool:
 # The force that the model predicts has none: a reading that is late shows in that, too.
 
 LEAD = "lead"  # shape parameter [s]
-SHORT = 0.015  # s, in which filtered noise hardly changes
 
 
 def holds_noise(one: ShapedCandidate) -> bool:
     """Return whether a column holds the noise of the force itself."""
-    return float(one.shape.get(LEAD, 0.0)) > SHORT
+    return float(one.shape.get(LEAD, 0.0)) > SHORT_LEAD
 
 
 def of_own_noise(
@@ -123,18 +127,6 @@ def _gain(whitener: Whitener, base: Base, columns: np.ndarray) -> float:
     rest = beside(base.basis, whitener(columns))
     power = float((rest**2).sum())
     return float(((rest.T @ base.residual) ** 2).sum()) / power if power > 0.0 else 0.0
-
-
-ITSELF_TOLERANCE, ITSELF_CORRELATION = 0.05, 0.95
-"""The measured force explains itself with the coefficient one: a column that is within this
-tolerance of that and correlated with the residual by more than this is made of it, as |tau| sgn(v)
-is where friction is all that the force overcomes."""
-OWN_SHARE = 0.1
-"""Share of what a column of measured force shows beside the model, in energy, that is not there in
-one of the force that the model predicts: it is the residual itself, which explains itself."""
-SEEN_SHARE = 0.1
-"""Share of the norm of a column within the used rows, below which it is not sought there: ten times
-as much friction would have to be where none is seen."""
 
 
 def visible(
@@ -201,8 +193,8 @@ def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener
             columns = beside(known, whitener(shaped.columns)[rows])
             size, score = np.linalg.norm(columns, axis=0), rest @ columns
             alike = np.abs(score) / np.maximum(size * np.linalg.norm(rest), TINY)
-            once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < ITSELF_TOLERANCE
-            if ((alike > FORCE_CORRELATION) | (once & (alike > ITSELF_CORRELATION))).any():
+            once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < SLIGHT_SHARE
+            if ((alike > FORCE_CORRELATION) | (once & (alike > 1.0 - SLIGHT_SHARE))).any():
                 found.add(candidate)
     return found
 
@@ -232,7 +224,7 @@ def _made_of_the_residual(
         alike = np.einsum("nk,nk->k", own, other) / np.maximum(
             np.linalg.norm(own, axis=0) * np.linalg.norm(other, axis=0), TINY
         )
-        if (1.0 - alike**2 > OWN_SHARE).any():
+        if (1.0 - alike**2 > LITTLE_SHARE).any():
             more.add(candidate)
     return more
 
@@ -252,14 +244,14 @@ def left_out(tried: Sequence[ShapedCandidate]) -> LeftOut:
     hidden, shares = [], dict[Candidate, list[float]]()
     for one in tried:
         rubs = one.term.is_friction()
-        hidden.append(rubs and one.seen < SEEN_SHARE)
+        hidden.append(rubs and one.seen < LITTLE_SHARE)
         if rubs:
             shares.setdefault(one.candidate, []).append(one.seen)
     whole = {
         candidate: "its peak lies in the rows that are left out around reversals; those that are "
-        f"used see {max(own):.1%} of it, {SEEN_SHARE:.0%} needed"
+        f"used see {max(own):.1%} of it, {LITTLE_SHARE:.0%} needed"
         for candidate, own in shares.items()
-        if max(own) < SEEN_SHARE
+        if max(own) < LITTLE_SHARE
     }
     seen = {candidate: min(own) ** 2 for candidate, own in shares.items()}
     return LeftOut(np.array(hidden), whole, seen)

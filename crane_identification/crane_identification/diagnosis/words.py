@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from crane_identification.diagnosis.candidates import NO_LOAD, WHOLE
+from crane_identification.diagnosis.constants import SLIGHT_SHARE
 from crane_identification.notation import (
     NARROW_SPACE,
     NONE,
@@ -45,8 +46,6 @@ CHANGED = {
 NOISE = {"none", "insufficient_data"}
 """Answers with which the residual is noise, as far as the recordings show."""
 SMALLEST_CLOSED = 1e-4  # share of a model error, below which none of it is closed
-SMALL_SHARE = 0.05  # of what is unexplained, below which a joint is not mentioned
-CLEAR_SHARE = 0.05  # of the energy beyond noise, which speaks against a signature if it is left
 CLEAR_SIGMAS = 3.0  # from which a recording differs from the others
 
 
@@ -269,7 +268,7 @@ def disagrees(content: Content) -> Iterator[tuple[str, str]]:
     if content["verdict"] in NOISE:
         return
     for joint, one in content["where"].items():
-        if one["energy_share"] > SMALL_SHARE:
+        if one["energy_share"] > SLIGHT_SHARE:
             where = one["region"] and (
                 f", {short_percent(one['region']['share'])} of it with {region(one['region'])}"
             )
@@ -387,7 +386,7 @@ def _against(one: Content, first: Content) -> str:
     """Objections to a signature, beside the first of the list."""
     against = []
     rest = 1.0 - (one["explained_share"] or 0.0)
-    if rest > CLEAR_SHARE:
+    if rest > SLIGHT_SHARE:
         against.append(f"{short_percent(rest)} are left")
     if one["better"] < one["asked"]:
         against.append(f"it predicts {one['asked'] - one['better']} recordings worse")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from crane_identification.diagnosis.candidates import Candidate, at_shape
+from crane_identification.diagnosis.constants import TIME_BLOCKS
 from crane_identification.diagnosis.evidence import CYCLES, Evidence, Run
 from crane_identification.diagnosis.gap import where_trained
 from crane_identification.diagnosis.judgement import (
-    TIME_BLOCKS,
     Judged,
     all_judged,
     folds,

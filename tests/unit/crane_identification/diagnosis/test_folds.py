@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis import made
 
+from crane_identification.diagnosis.constants import TIME_BLOCKS
 from crane_identification.diagnosis.evidence import leading
 from crane_identification.diagnosis.judgement import (
-    TIME_BLOCKS,
     folds,
     gain,
     held_out_gains,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate, at_shape
-from crane_identification.diagnosis.evidence import VISIBLE_SHARE, Evidence, Run
+from crane_identification.diagnosis.constants import VISIBLE_SHARE
+from crane_identification.diagnosis.evidence import Evidence, Run
 from crane_identification.diagnosis.projection import project, whitened_base, whitener
 from crane_identification.diagnosis.visibility import visible
 from crane_model.model_file import Model, load_model
