@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from math import comb
 from typing import NamedTuple, SupportsIndex
 
@@ -10,7 +9,6 @@ import numpy as np
 from scipy import ndimage, signal
 from scipy.stats import ttest_1samp
 from sklearn.ensemble import HistGradientBoostingRegressor
-from threadpoolctl import ThreadpoolController
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis.candidates import Weighed, with_own_loads
@@ -123,20 +121,18 @@ def learn(evidence: Evidence, residual: np.ndarray, fold: np.ndarray) -> Learnt:
         left = float(((measured - prediction)[used] ** 2).sum())
         share = 1.0 - left / power if power > 0.0 else 0.0
         strength = np.sqrt(max(power - left, 0.0) / used.sum()) / evidence.force_rms[j]
-        return prediction, share, _by_chance(gain[used]), strength
+        # Neighbours, alike, count as one block: chance that the true mean is at most zero.
+        count = used.sum() // BLOCK
+        blocks = gain[used][: count * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+        p_value = float(ttest_1samp(blocks, 0.0, alternative="greater").pvalue)
+        return prediction, share, p_value, strength
 
     prediction, *figures = zip(*map(learnt, range(len(evidence.joints))), strict=True)
     return Learnt(np.stack(prediction, axis=1), *map(np.array, figures))
 
 
-def _by_chance(gain: np.ndarray) -> float:
-    """p of gains (n,) whose true mean is at most zero; neighbours, alike, count as one block."""
-    blocks = gain[: len(gain) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
-    return float(ttest_1samp(blocks, 0.0, alternative="greater").pvalue)
-
-
 def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegressor:
-    """The learner on rows (n, f); so few rows are learnt faster by one thread than by several."""
+    """The learner on rows (n, f)."""
     learner = HistGradientBoostingRegressor(
         max_iter=ITERATIONS,
         learning_rate=0.1,
@@ -146,13 +142,7 @@ def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegres
         early_stopping=False,
         random_state=SEED,
     )
-    with _threads().limit(limits=1):
-        return learner.fit(values, target)
-
-
-@cache
-def _threads() -> ThreadpoolController:
-    return ThreadpoolController()
+    return learner.fit(values, target)
 
 
 def predict_elsewhere(evidence: Evidence, residual: np.ndarray, other: Evidence) -> np.ndarray:
