@@ -204,9 +204,7 @@ def _more(proof: Proof, share: float, forms: Forms) -> list[str]:
 
 
 def differing_forms(search: Search, effects: Sequence[Judged]) -> dict[int, DifferingForm]:
-    """Numbers of the joints on which a nonparametric curve of an effect explains most of what
-    `effects` leave, also of recordings that it was not fitted to, with that effect.
-    """
+    """By joint number, curves of effects that explain most of what these leave, also held out."""
     evidence, share = search.evidence, search.thresholds.method.simple_share
     subset, found = search.together(one.shaped for one in effects), dict[int, DifferingForm]()
     left = search.unexplained_on_joints(subset)

@@ -56,9 +56,7 @@ def heavier(evidence: Evidence, cls: type[Term]) -> tuple[Loads, ...]:
 
 
 def agreeing(information: np.ndarray, score: np.ndarray, variance: float) -> list[list[int]]:
-    """The recordings grouped by mass, lightest first. `information` (b, b) and `score` (b,) are
-    those of the masses, `variance` is what noise and all that no mass explains have.
-    """
+    """Recordings grouped by mass, lightest first, by information (b, b) and score (b,)."""
     masses = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ score
     groups = [[int(i)] for i in np.argsort(masses, kind="stable")]
     while True:

@@ -56,9 +56,7 @@ class Decision:
 
 
 def decide(selection: ForwardSelection) -> Decision:
-    """The largest set all of whose effects pass, with those that several joints lack at once or, if
-    the force of a joint is scaled, beside lengths that are not those of the file.
-    """
+    """The largest set of effects that pass all tests, beside lengths if one scales a force."""
     threshold = by_chance(selection.search, NOTHING)
     passed = settled = _together(selection, threshold)
     first: _Weighed | None = None
@@ -95,10 +93,7 @@ class _Weighed(NamedTuple):
 def _growing(
     selection: ForwardSelection, settled: tuple[Judged, ...], threshold: float
 ) -> Iterator[_Weighed]:
-    """Yield the best set of one effect more than the `settled` ones, then of two more, and so on.
-    Effects that do not pass are refused, until no set gains more than chance, or than the form of
-    the strongest effect may leave.
-    """
+    """Yield the best set of one more effect, and so on, until no set gains enough."""
     known, passed = len(settled), settled
     while len(passed) < known + LARGEST_SET:
         size = len(passed) + 1
@@ -207,9 +202,7 @@ def _scales(one: Judged) -> bool:
 
 
 def _together(selection: ForwardSelection, threshold: float) -> tuple[Judged, ...]:
-    """Effects that are missing on several joints at once, each judged beside the rest; none if one
-    effect, or scales of the forces of two joints, explains about as much.
-    """
+    """Effects that several joints lack at once; none if few effects explain about as much."""
     search = selection.search
     subset = on_several_joints(search, threshold)
     few = search.thresholds.method.further_share * subset.gain

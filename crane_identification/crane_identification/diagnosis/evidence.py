@@ -216,9 +216,7 @@ ROUNDING_SHARE = 1e-8  # of the largest eigenvalue: directions below are roundin
 
 
 class ShownTerm(NamedTuple):
-    """The `columns` (n, c, k) of a term, the share of its norm in samples that are `seen`, and the
-    ratio of rms to which the filter has `damped` it.
-    """
+    """The `columns` (n, c, k) of a term, their share `seen`, and the filter's ratio `damped`."""
 
     columns: np.ndarray
     seen: float

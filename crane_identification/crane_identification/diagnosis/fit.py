@@ -230,9 +230,7 @@ def _averaged(
 
 
 def decimation(model: Model, training: Sequence[Preparation], given: int | None) -> int:
-    """The factor of the rows: the `given` one, or that of the motion. Of short recordings more rows
-    are kept; whitening takes care of their noise.
-    """
+    """The `given` factor of the rows, or that of the motion; short recordings keep more rows."""
     factor = common_factor(training, given)
     if given is not None:
         return factor

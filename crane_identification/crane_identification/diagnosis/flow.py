@@ -366,10 +366,7 @@ def examine(
     thresholds: Thresholds,
     named: Sequence[Candidate] = (),
 ) -> Flows:
-    """The flow of each joint. An effect is missing if its value lies beyond what is usual, and the
-    usual value predicts the `held_out` flow clearly worse. If `named` effects are of sensors, these
-    tell nothing of the flow.
-    """
+    """The flow of each joint: missing are values that predict `held_out` better than usual ones."""
     distrusted = {one.where for one in named if one.term.is_of_sensors()}
     found: list[Flow] = []
     absent: dict[tuple[str, str], str] = {}

@@ -295,10 +295,7 @@ class Side:
 
 
 class ProvedBalance:
-    """The balance of a joint, `fitted` to the rows `here` and proved by those `there`. `least` is
-    the mean square left in the proof, `unexplained` the share of the flow (rms) that is left,
-    `correlation` that of its neighbouring rows.
-    """
+    """The balance of a joint, `fitted` to the rows `here` and proved by those `there`."""
 
     def __init__(self, here: Side, there: Side, spool: Spool) -> None:
         self.here, self.there, self.spool = here, there, spool
@@ -320,9 +317,7 @@ class ProvedBalance:
         return np.eye(len(self.fitted.values))[column]
 
     def std_dev(self, gradient: np.ndarray) -> float:
-        """Of a function of the parameters with this gradient (k,); infinite if it is not
-        determined. What is left counts as an autoregression of first order.
-        """
+        """Deviation of a function with this gradient (k,) of autoregressive noise, or infinite."""
         if not self.fitted.determined[gradient != 0.0].all():
             return float("inf")
         alike = max(self.correlation, 0.0)

@@ -87,9 +87,7 @@ READ: dict[Variable, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class FormulaTerm:
-    """A term but for its coefficient: the form of a `variable` of joint number `about`, at a scale,
-    times a factor of the joint that the force acts on.
-    """
+    """The form of a `variable` of joint number `about` at a scale, times a factor."""
 
     variable: Variable
     about: int
@@ -158,9 +156,7 @@ class _Grammar:
                         yield FormulaTerm(variable, about, form, scale, times)
 
     def _products(self, terms: Sequence[FormulaTerm]) -> tuple[np.ndarray, np.ndarray]:
-        """Gram matrix (k, k) beside the base, and products with the residual (k,); zero for terms
-        that do not show.
-        """
+        """Gram matrix (k, k) beside the base, and products with the residual (k,), if they show."""
         x, factors = self._x, self._factors
         values = [one.form.values(x[one.variable, one.about], one.scale) for one in terms]
         columns = np.stack(values, axis=1) * np.stack([factors[one.times] for one in terms], axis=1)

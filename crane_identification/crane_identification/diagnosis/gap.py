@@ -236,17 +236,13 @@ class Gap(HeldOut):
         return int(np.argmax(error**2 - np.minimum(noise, error) ** 2))
 
     def over(self, errors: np.ndarray, scatter: str) -> np.ndarray:
-        """Errors (j,) over the noise floor, NaN where none is known, or over what the scatter of
-        samples and surveyed lengths account for.
-        """
+        """Errors (j,) over what the `scatter` accounts for; NaN if unknown."""
         if scatter == OF_PERIODS:
             return errors / np.maximum(self.floor, RESOLUTION)
         return errors / np.hypot(self.sample_noise, self.method.surveyed_error)
 
     def beyond(self, errors: np.ndarray, gates: Gates, scatter: str) -> np.ndarray:
-        """Return whether errors (j,) are more than noise by the `scatter`, than values that are
-        kept may err and, by the scatter of periods, than surveyed lengths leave.
-        """
+        """Return whether errors (j,) are more than noise, uncertain values and surveyed lengths."""
         periods = scatter == OF_PERIODS
         factor = gates.floor_factor if periods else gates.sample_noise_factor
         beyond: np.ndarray = (

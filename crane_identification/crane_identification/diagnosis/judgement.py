@@ -106,9 +106,7 @@ def folds(evidence: Evidence) -> Folds:
 
 
 def folds_of(evidence: Evidence, whitener: Whitener, force: np.ndarray) -> Folds:
-    """The folds in which an effect of this `force` (n, c) acts: recordings or, of too few of these,
-    blocks of time within them, each with as much of its energy; all if it acts but once.
-    """
+    """Folds in which a `force` (n, c) acts: recordings, or blocks of time of like energy."""
     every = folds(evidence)
     if len(evidence.sources) < FEWEST_RECORDINGS:
         return every
@@ -138,9 +136,7 @@ def _blocks(block: np.ndarray, count: int) -> Folds:
 def held_out_gains(
     search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Gain in 2 log L on each held-out fold if the columns `added` (n, c, k) join the `rest` (n, c,
-    k each), and the names of the folds; NaN if the other folds do not determine them.
-    """
+    """Gains in 2 log L on held-out folds by `added` (n, c, k) beside the `rest`, NaN: unknown."""
     evidence, whitener = search.evidence, search.whitener
     fold, names = asked or folds(evidence)
     label = fold[whitener.row]
@@ -289,9 +285,7 @@ def _followed(
 
 
 def simplest(search: Search, subset: Subset, threshold: float, settled: int = 0) -> Subset:
-    """The set with effects, but the first `settled`, replaced by simpler ones that they are no
-    better than: a Stribeck curve without end is Coulomb friction.
-    """
+    """The set with simpler effects, after the first `settled`, where they are as good."""
     method = search.thresholds.method
     for place in range(settled, len(subset.numbers)):
         own, swaps = subset.numbers[place], in_place_of(search, subset, place)
@@ -347,9 +341,7 @@ class Rejection(NamedTuple):
 
 
 class Beyond(NamedTuple):
-    """A `signature` on a `joint` that no effect has, or `effects`, by their labels, that a test
-    rejects though they are not chance.
-    """
+    """A `signature` on a `joint` that no effect has, or `effects` that a test rejects."""
 
     joint: str = ""
     signature: str = ""

@@ -25,9 +25,7 @@ from crane_identification.diagnosis.several import factors
 
 
 def of_one_form(search: Search, subset: Subset, chance: float, settled: int = 0) -> bool:
-    """Return whether an effect of a set, after the first `settled`, is only the rest that the form
-    of another one leaves. `chance`: gain of the best effect if nothing is missing.
-    """
+    """Return whether an effect after the `settled` is only a rest that a form leaves."""
     found = [search.projection.candidates[number].candidate for number in subset.numbers]
     if all(one.changes for one in found):
         return False
@@ -50,9 +48,7 @@ def slight(
     place: int,
     formless: Collection[int] = (),
 ) -> bool:
-    """Return whether an effect gains less than this share of the gain of another one that has a
-    form, in one of its channels: the form of the other one may leave as much.
-    """
+    """Return whether an effect gains as little as the form of another one may leave."""
     own = set(channels[place].tolist())
     return any(
         gains[place] < share * gains[k] and own & set(channels[k].tolist())
@@ -62,9 +58,7 @@ def slight(
 
 
 def fills(search: Search, subset: Subset, place: int, chance: float) -> bool:
-    """Return whether one effect of a set explains most of what the others leave beyond noise where
-    it acts, which is more than `chance`.
-    """
+    """Return whether an effect explains most of what is left where it acts, beyond `chance`."""
     own = search.channels(subset.numbers[place])
     before, after = (
         float(search.unexplained(one)[own].sum())
@@ -114,9 +108,7 @@ SENSING = "sensing"  # family of terms
 def with_strange(
     search: Search, found: Sequence[Judged], threshold: float
 ) -> tuple[tuple[Judged, ...], tuple[Beyond, ...]]:
-    """The effects, without those in whose place a signature of no effect explains more, and these
-    signatures. `threshold` is what chance gives to the best effect of the catalogue.
-    """
+    """The effects that no unlisted signature replaces, and these signatures."""
     kept, beyond, method = list(found), [], search.thresholds.method
     left = search.unexplained_on_joints(search.together(one.shaped for one in found))
     for j, joint in enumerate(search.evidence.joints):
@@ -141,9 +133,7 @@ def with_strange(
 def _most_of(
     search: Search, found: Sequence[Judged], j: int, least: float
 ) -> ForceSignature | None:
-    """The signature of no effect on joint j that explains most beside what was found, more than the
-    `least`, chance and errors of the processing; None if there is none.
-    """
+    """The unlisted signature on joint j that explains most, more than the `least` and chance."""
     rest, joint = _columns(found), search.evidence.joints[j]
     best, most = None, least
     here = any(one.shaped.candidate.joint == joint for one in found)
@@ -177,9 +167,7 @@ def is_of_lengths(search: Search, rest: Sequence[np.ndarray], columns: np.ndarra
 def _accounts_for(
     search: Search, found: Sequence[Judged], joint: str, other: ForceSignature, most: float
 ) -> bool:
-    """Return whether effects were found on a joint that explain no more than the `most` beside a
-    signature: it is why they were found. Scales need not be among them.
-    """
+    """Return whether a signature leaves at most the `most` to the effects of a joint."""
     both = search.explained(*_columns(found), other.columns)
     here = [one for one in found if one.shaped.candidate.joint == joint]
     laws = [one for one in here if not one.shaped.candidate.effect.formless]

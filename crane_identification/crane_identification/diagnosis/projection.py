@@ -128,9 +128,7 @@ def _by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:
 
 
 class Base(NamedTuple):
-    """`basis` B (N, d), such that rows less B B^T of them are beside the whitened base, and the
-    `residual` (N,) of the force beside it.
-    """
+    """Basis B (N, d), of which rows less B B^T are beside the base, and the `residual` (N,)."""
 
     basis: np.ndarray
     residual: np.ndarray
@@ -363,9 +361,7 @@ def extended(
 
 
 class BesideSet:
-    """The Schur complement of the columns `inside` (d,) of a set: the `score` (K,) of each column
-    after projection, and the coefficients `mixed` (d, K) of the projection.
-    """
+    """Scores (K,) and Gram matrices beside the columns `inside` (d,): Schur complements."""
 
     def __init__(self, projection: Projection, inside: np.ndarray) -> None:
         self._gram, self._inside = projection.gram, inside

@@ -144,9 +144,7 @@ class Finding:
 def extended(
     found: Search, before: Model, judged: Sequence[Judged], training: Training
 ) -> tuple[Model, list[tuple[Value, ...]]]:
-    """The model with the terms, refitted jointly, and the parameters of each; `UndeterminedError`
-    if the recordings do not determine all of them.
-    """
+    """The model with the refitted terms, and their values; raises `UndeterminedError`."""
     if not judged:
         return before, []
     if found.evidence.keeps:
@@ -268,9 +266,7 @@ class Trial:
 
 
 def tried(fit: Fitted, search: Search, effects: Sequence[Judged]) -> Trial:
-    """The model with those of the effects whose parameters differ from zero; `UndeterminedError` if
-    the recordings do not determine all parameters.
-    """
+    """The model with the effects that differ from zero; raises `UndeterminedError`."""
     chosen, sigmas = tuple(effects), search.thresholds.method.parameter_sigmas
     while True:
         model, values = extended(search, fit.before, chosen, fit.training)
@@ -326,9 +322,7 @@ class Proof:
 def proved(
     fit: Fitted, search: Search, wanted: Sequence[Judged], progress: Progress = silent
 ) -> Proof:
-    """The `wanted` effects, strongest first, without those that fall short beside the others; they
-    are taken out one at a time, the weakest first.
-    """
+    """The `wanted` effects without the weakest of those that fall short, one after another."""
     before, thresholds = tried(fit, search, ()), search.thresholds
     progress("what is left", 0.5)
     short: list[Short] = []

@@ -90,9 +90,7 @@ def _rate_of_force(record: Record) -> np.ndarray:
 
 
 def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
-    """A variable (n,) of joint number j on the rows of the evidence. `DataError` if it was not
-    recorded, `ConfigurationError` if the machine is not of its kind.
-    """
+    """A variable (n,) of joint number j on the rows of the evidence; errors as of `read`."""
     if variable == "recording":
         return evidence.bag + 1.0
     setting = evidence.model.setting
@@ -102,7 +100,7 @@ def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
 
 
 def read(variable: Variable, record: Record, setting: Setting, j: int) -> np.ndarray:
-    """A variable (n,) of joint number j at the samples of a record; errors as of `on_rows`."""
+    """A variable of a joint at the samples; `DataError` or `ConfigurationError` without it."""
     _, reader = _QUANTITIES[variable]
     if reader is not None:
         return reader(record, j)
@@ -180,9 +178,7 @@ def regions(fit: Fitted, trial: Trial) -> list[schema.FoundRegion | None]:
 
 
 def energy_shares(evidence: Evidence, trial: Trial, gap: Gap) -> np.ndarray:
-    """Share (j,) of the energy beyond noise that each joint carries; none if the error is no larger
-    than the scatter between periods, and no effect lessens it.
-    """
+    """Share (j,) of the energy beyond noise on each joint, if it is no scatter of periods."""
     channels = np.maximum(trial.energy - evidence.used.sum(axis=0), 0.0)
     beyond = channels.reshape(-1, len(evidence.joints)).sum(axis=0)
     noise = (gap.largest_before <= gap.floor) & (gap.after > (1.0 - SLIGHT_SHARE) * gap.before)
@@ -214,9 +210,7 @@ def unknown_force(search: Search, j: int) -> schema.UnknownPlace:
 def left_elsewhere(
     search: Search, effects: Sequence[Judged], threshold: float
 ) -> list[schema.UnknownPlace]:
-    """What `effects` leave on each joint where none of them acts, largest first, if one of its
-    signatures explains more than the `threshold` and more than the errors of the processing.
-    """
+    """Unknown forces on joints where no effect acts, largest first, if they are strong."""
     joints = search.evidence.joints
     acted = {j for one in effects for j in one.shaped.joints(joints)}
     if len(acted) == len(joints):

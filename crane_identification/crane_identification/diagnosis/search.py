@@ -290,9 +290,7 @@ class Search:
     # Beside further columns: a new search from the start.
 
     def beside_lengths(self) -> Self:
-        """The same candidates beside the model and a little more of each length. If linkages are
-        not of the size of their file, neither may be the links, and no effect says which.
-        """
+        """The same candidates beside a little more of each length, which no effect tells."""
         return self.widened(columns_of_lengths(self.evidence))
 
     def widened(self, columns: np.ndarray) -> Self:

@@ -78,9 +78,7 @@ def chance_of_kind(search: Search, numbers: Sequence[int]) -> float:
 
 
 def _kinds(projection: Projection) -> dict[str, list[int]]:
-    """The numbers of the effects without a nonlinear parameter on single joints, by type; without
-    factors of what the model has, and without what any machine has a little of.
-    """
+    """Numbers, by type, of effects of single joints that several may lack at once."""
     out: dict[str, list[int]] = {}
     for number, shaped in enumerate(projection.candidates):
         one = shaped.candidate
@@ -110,9 +108,7 @@ def _telling(
 
 
 def as_kinds(search: Search, found: Sequence[Judged], known: int) -> list[Judged]:
-    """The effects, the first `known` of them judged as kinds: on all of their joints together. What
-    one joint gains elsewhere is lost among what the bodies that it shares make of it.
-    """
+    """The first `known` effects judged as kinds, on all of their joints together."""
     members, out = _kinds(search.projection), list(found)
     lacking = [one for one in found[:known] if not one.shaped.candidate.effect.formless]
     for kind in {one.shaped.candidate.type for one in lacking}:
@@ -222,9 +218,7 @@ LINKAGE = "linkage_scale"
 
 
 def or_lengths(search: Search, found: Sequence[Judged]) -> tuple[Judged, ...]:
-    """The effects; a scale that the most likely lengths explain about as well beside the other
-    effects has linkages of other joints in its ambiguity group.
-    """
+    """The effects; scales that likely lengths explain as well are ambiguous with linkages."""
     return tuple(
         _or_lengths(search, one, [other for other in found if other is not one])
         if one.shaped.candidate.effect.formless

@@ -121,9 +121,7 @@ def of_better_signature(
 
 
 def _rival(search: Search, subset: Subset, place: int) -> ForceSignature | None:
-    """The signature that explains most of what one effect of a set does, and clearly more than any
-    curve of it, also of recordings that it is not fitted to; None if there is none.
-    """
+    """The signature that explains clearly more than any curve of an effect, also held out."""
     candidates = search.projection.candidates
     own = candidates[subset.numbers[place]]
     if own.candidate.joint is None or own.candidate.changes:

@@ -31,7 +31,7 @@ OUTER, TELESCOPE = 1, 2
 OFFSET = ("pressure_offset", "outer_boom")
 
 
-def left(of_spring: float, named: tuple[str, str] = OFFSET) -> tuple[UnknownPlace, ...]:
+def left(of_spring: float, named: tuple[str, str] = OFFSET) -> list[UnknownPlace]:
     """Chamber A of the outer boom reads too much, and the telescope bends a hose to so much [Pa];
     one effect is `named`.
     """
@@ -67,7 +67,7 @@ def test_what_is_left_elsewhere_has_its_joint_size_and_signature() -> None:
 
 
 def test_nothing_is_left_where_named_effects_are_all() -> None:
-    assert left(0.0) == ()
+    assert left(0.0) == []
     assert [one.joint for one in left(0.0, ("hose_stiffness", "telescope"))] == ["outer_boom"]
 
 
