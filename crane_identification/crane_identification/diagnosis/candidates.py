@@ -287,13 +287,10 @@ def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None)
             values = evidence.roughly(evidence.columns(Candidate(cls, joint, given).at({})))
         except CraneError:
             break  # not observable, which `observed` says
-        if all(_settled(before[at], values[at]) for at in places.values()):
+        changes = ((values[at] - before[at], SETTLED_SHARE * before[at]) for at in places.values())
+        if all(np.linalg.norm(change) <= np.linalg.norm(least) for change, least in changes):
             break
     return given
-
-
-def _settled(before: np.ndarray, after: np.ndarray) -> bool:
-    return bool(np.linalg.norm(after - before) <= SETTLED_SHARE * np.linalg.norm(before))
 
 
 def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any]) -> ShapedCandidate:

@@ -1,4 +1,4 @@
-"""Which of the sets that the search found are findings, and what cannot be told from each."""
+"""The sets of the search that are findings, and effects that cannot be told from each."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -192,7 +192,7 @@ def diagnose(
     own: Collection[str] = (),
     fit: Fitted | None = None,
 ) -> Diagnosis:
-    """Where `model` disagrees with the recordings, and why.
+    """Find where `model` disagrees with the recordings, and why.
 
     `usual` says what is usual of the hydraulics (None: the packaged values). `without` names
     effects (types of terms) that the answer is sought without: what else could it be? Effects of

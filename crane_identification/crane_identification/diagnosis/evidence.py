@@ -1,4 +1,4 @@
-"""What recordings say about a model: its regressor and the force, filtered alike, run by run.
+"""Evidence of recordings about a model: its regressor and the force, filtered run by run.
 
 Nothing is averaged over periods: drift and memory stay visible. Each joint is asked in two zones:
 while it moves, where friction is settled, and close to its reversals, where effects with memory

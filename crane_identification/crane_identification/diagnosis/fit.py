@@ -105,34 +105,27 @@ def _alike(rows: Rows, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _rows(evidence: Evidence) -> Rows:
+    """The rows that count, without what the nuisance columns explain."""
     parameters = evidence.model.parameters
-    matrix, force, used = _beside_nuisances(evidence)
+    p, counted = len(parameters), evidence.used.copy()
+    matrix, force = evidence.base[:, :, :p].copy(), evidence.force.copy()
+    for c, used in enumerate(evidence.used.T):
+        counted[:, c] &= not says_nothing(used, leading(evidence.base[used, c], len(used)))
+        nuisance = evidence.base[used, c, p:]
+        if nuisance.any():
+            known = leading(nuisance, nuisance.shape[1])
+            matrix[used, c] = beside(known, matrix[used, c])
+            force[used, c] = beside(known, force[used, c])
     return Rows(
         joints=tuple(f"{joint}, {zone.value}" for zone in Zone for joint in evidence.joints),
-        names=tuple(p.name for p in parameters),
-        units=tuple(p.unit for p in parameters),
+        names=tuple(one.name for one in parameters),
+        units=tuple(one.unit for one in parameters),
         time=evidence.time,
         run=evidence.run,
         matrix=matrix,
         force=force,
-        used=used,
+        used=counted,
     )
-
-
-def _beside_nuisances(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Regressor (n, c, p) and force (n, c) beside the nuisances, and rows (n, c) that count."""
-    p = len(evidence.model.parameters)
-    matrix, force = evidence.base[:, :, :p].copy(), evidence.force.copy()
-    counted = evidence.used.copy()
-    for c, used in enumerate(evidence.used.T):
-        counted[:, c] &= not says_nothing(used, leading(evidence.base[used, c], len(used)))
-        nuisance = evidence.base[used, c, p:]
-        if not nuisance.any():
-            continue
-        known = leading(nuisance, nuisance.shape[1])
-        matrix[used, c] = beside(known, matrix[used, c])
-        force[used, c] = beside(known, force[used, c])
-    return matrix, force, counted
 
 
 @dataclass(frozen=True)
@@ -263,20 +256,16 @@ def determined(
 def _dispensable(evidence: Evidence, error: UndeterminedError) -> Term | None:
     """The term that is not determined and whose absence leaves least unexplained."""
     model, costs = evidence.model, dict[Term, float]()
+    weight = np.where(evidence.force_rms > 0.0, evidence.force_rms, 1.0)
+    scaling = np.broadcast_to(1.0 / weight, evidence.force.shape)[evidence.used]
+    force = evidence.force[evidence.used] * scaling  # each joint in its unit
     for term in model.terms:
         names = {p.name for p in term.parameters(model.setting)}
         if names <= set(error.names) and len(model.terms) > 1:
-            costs[term] = _left(evidence, model.part(term))
+            columns = np.delete(evidence.base, model.part(term), axis=2)[evidence.used]
+            matrix = columns * scaling[:, None]
+            costs[term] = float(((force - matrix @ least_squares(matrix, force)) ** 2).sum())
     return min(costs, key=lambda term: costs[term]) if costs else None
-
-
-def _left(evidence: Evidence, without: slice) -> float:
-    """Energy of the force beside the model without some columns, each joint in its unit."""
-    weight = np.where(evidence.force_rms > 0.0, evidence.force_rms, 1.0)
-    columns = np.delete(evidence.base, without, axis=2)[evidence.used]
-    scaling = np.broadcast_to(1.0 / weight, evidence.force.shape)[evidence.used]
-    matrix, force = columns * scaling[:, None], evidence.force[evidence.used] * scaling
-    return float(((force - matrix @ least_squares(matrix, force)) ** 2).sum())
 
 
 def check_values(model: Model) -> None:

@@ -248,7 +248,7 @@ EFFECTS = {
     "leakage": "internal_leakage",
     "bulk_modulus": "oil_compressibility",
 }
-"""What is called missing where a limit in `JointUsual` is passed, as in FLOW_EFFECTS."""
+"""Effects in FLOW_EFFECTS that are missing if a limit in `JointUsual` is passed."""
 
 Tied = Callable[[Side, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
 """From a side and its columns to those of a balance with one quantity as it usually is, and the
@@ -395,6 +395,7 @@ def _flow(here: FlowRows, there: FlowRows, usual: JointUsual, thresholds: Thresh
             f"{method.flow_noise_share:.0%} allowed; move faster"
         )
     gains = _gains(balance, here.joint, method)
+    air, values = balance.beside(here.air, there.air)
     return Flow(
         joint=here.joint,
         quantities=() if noise else Quantities(balance, usual, thresholds).all(),
@@ -402,22 +403,19 @@ def _flow(here: FlowRows, there: FlowRows, usual: JointUsual, thresholds: Thresh
         unexplained=balance.unexplained,
         usual=gates.unexplained_flow,
         correlation=balance.correlation,
-        air=_air(balance),
+        air=air if values[-1] > 0.0 else 0.0,
         known=here.known,
         recorded=here.recorded,
         method=method,
     )
 
 
-def _air(balance: ProvedBalance) -> float:
-    """Share of what is left that air in the oil would explain."""
-    share, values = balance.beside(balance.here.rows.air, balance.there.rows.air)
-    return share if values[-1] > 0.0 else 0.0
-
-
 def _gains(balance: ProvedBalance, joint: str, method: Method) -> tuple[Gain, ...]:
     """The metering edges; `DataError` if the flow does not follow them."""
-    gains = tuple(_gain(balance, k, edge, method) for k, edge in enumerate(EDGES))
+    gains = []
+    for k, edge in enumerate(EDGES):
+        value, std_dev = float(balance.fitted.values[k]), balance.std_dev(balance.unit(k))
+        gains.append(Gain(edge, value, std_dev, abs(value) >= method.flow_sigmas * std_dev))
     known = [gain for gain in gains if gain.determined]
     wrong = [gain.edge for gain in known if gain.value < 0.0]
     if wrong or not known:
@@ -426,10 +424,4 @@ def _gains(balance: ProvedBalance, joint: str, method: Method) -> tuple[Gain, ..
             + (f", and runs against it at the edge {', '.join(wrong)}" if wrong else "")
             + "; check sign and log of its command, and that its chambers are not exchanged"
         )
-    return gains
-
-
-def _gain(balance: ProvedBalance, column: int, edge: str, method: Method) -> Gain:
-    value = float(balance.fitted.values[column])
-    std_dev = balance.std_dev(balance.unit(column))
-    return Gain(edge, value, std_dev, abs(value) >= method.flow_sigmas * std_dev)
+    return tuple(gains)

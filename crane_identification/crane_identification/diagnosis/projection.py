@@ -1,4 +1,4 @@
-"""What candidates add to the base model, and the sets of them that explain the residual best."""
+"""Candidates beside the base model, and the sets of them that explain the residual best."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace

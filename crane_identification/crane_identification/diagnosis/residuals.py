@@ -1,4 +1,4 @@
-"""What a model leaves: where it sits, and what is known of it if nothing is named."""
+"""The residual of a model: its place, and its signatures if nothing is named."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple

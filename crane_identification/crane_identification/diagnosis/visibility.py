@@ -1,4 +1,4 @@
-"""What these recordings can show: candidates that are visible beside the model, and in used rows.
+"""Candidates that these recordings can show: visible beside the model, and in used rows.
 
 Friction that shows around reversals alone, where the sign of a velocity is unknown and no row is
 used, is not asked for. Breakaway is over once a joint has slid some tenths of a millimetre. If it
