@@ -6,7 +6,7 @@ show and the velocity estimate is at its worst. Their rows have noise of their o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -242,7 +242,7 @@ class Evidence:
     base: np.ndarray
     used: np.ndarray
     std_devs: np.ndarray | None = None
-    counts: bool = False
+    counts: bool = field(default=False, kw_only=True)
 
     @property
     def keeps(self) -> bool:

@@ -34,7 +34,7 @@ from crane_model.model_file import Model
 # Noise of the force: how it scatters from period to period, and from sample to sample.
 
 ORDER = 4
-"""Of the differences between samples: of a motion of 2 Hz, sampled with 200 Hz, they keep 2e-6."""
+"""Differences of this order keep 2e-6 of a motion of 2 Hz that is sampled with 200 Hz."""
 
 
 def scatter_of_periods(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:

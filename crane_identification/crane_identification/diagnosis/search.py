@@ -87,7 +87,8 @@ class Shapes:
     def of(self, candidate: Candidate) -> ShapedCandidate | None:
         """The effect with its law drawn; None if nothing draws it."""
         if candidate not in self.drawn:
-            self.drawn[candidate] = self.evidence and _drawn(self.evidence, candidate)
+            evidence = self.evidence
+            self.drawn[candidate] = None if evidence is None else _drawn(evidence, candidate)
         return self.drawn[candidate]
 
     def unlisted_signatures(self, joint: str) -> tuple[ForceSignature, ...]:

@@ -206,7 +206,8 @@ def smallest(search: Search, subset: Subset, tolerance: float) -> Subset:
         swapped = solve(search.projection, tuple(numbers))
         if swapped is None or subset.gain - swapped.gain > tolerance:
             continue
-        size = np.linalg.norm([found_values(search, swapped, place)[0] for place in places])
+        values = [found_values(search, swapped, place)[0] for place in places]
+        size = float(np.linalg.norm(values))
         if size < least * (1.0 - 1e-6):
             best, least = swapped, size
     return best
