@@ -37,7 +37,6 @@ from crane_identification.diagnosis.residuals import curves_of, energy_shares, r
 from crane_identification.diagnosis.search import Search, search
 from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.estimation.autoregression import Autoregression
-from crane_identification.notation import is_determined
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds
 from crane_identification.validation.force_validation import elsewhere
@@ -399,14 +398,8 @@ def _of_quantity(one: Quantity) -> schema.FoundParameter:
 
 def _parameter(one: Value) -> schema.FoundParameter:
     """A parameter, whether the recordings determine it, and what it has changed from."""
-    parameter = schema.FoundParameter(
-        name=one.name,
-        value=one.value,
-        std_dev=one.std_dev,
-        unit=one.unit,
-        minimum=one.minimum,
-        determined=is_determined(one.value, one.std_dev, one.minimum),
-    )
+    given = one.name, one.value, one.std_dev, one.unit, one.minimum
+    parameter = schema.FoundParameter.of(*given)
     if one.before is None:
         return parameter
     (before, before_std_dev), (change, change_std_dev) = one.before, one.change

@@ -6,6 +6,7 @@ file, and its page of the manual, are made from these classes.
 
 from enum import StrEnum
 
+from crane_identification.notation import is_determined
 from crane_model.result_file import Number, NumberByJoint, OpenQuestions, ResultFile, ResultPart
 
 
@@ -55,6 +56,21 @@ class FoundParameter(ResultPart):
     """The least value that physics allows [unit]."""
     determined: bool
     """Whether the recordings determine it."""
+
+    @classmethod
+    def of(
+        cls, name: str, value: float, std_dev: float, unit: str, minimum: float | None = None
+    ) -> "FoundParameter":
+        """The parameter, which is determined if its number would be printed."""
+        determined = is_determined(value, std_dev, minimum)
+        return FoundParameter(
+            name=name,
+            value=value,
+            std_dev=std_dev,
+            unit=unit,
+            minimum=minimum,
+            determined=determined,
+        )
 
 
 class ChangedParameter(FoundParameter):

@@ -119,7 +119,10 @@ def _own(known: JointHydraulics) -> dict[str, Any]:
     centre = asymmetry(np.array([values[edge].value for edge in EDGES]) / strokes)
     oil = values["bulk_modulus"]
     limits = {
-        "dead_bands": (beyond("dead_band_a", SAME_COMMAND), beyond("dead_band_b", SAME_COMMAND)),
+        "dead_bands": (
+            beyond("dead_band_a", SAME_COMMAND),
+            beyond("dead_band_b", SAME_COMMAND),
+        ),
         "hysteresis": beyond("hysteresis", SAME_COMMAND),
         "asymmetry": (centre - SAME_ASYMMETRY, centre + SAME_ASYMMETRY),
         "leakage": beyond("leakage", SAME_LEAKAGE),

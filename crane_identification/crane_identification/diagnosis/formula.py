@@ -37,7 +37,7 @@ from crane_identification.diagnosis.residuals import (
     unit_of,
 )
 from crane_identification.diagnosis.search import Search
-from crane_identification.notation import is_determined, listed, plain
+from crane_identification.notation import listed, plain
 from crane_model.errors import CraneError
 from crane_model.record import Record
 from crane_model.terms.nonparametric import FACTORS
@@ -263,25 +263,20 @@ def _tested(
         if len(terms) == 1 or sure.min() >= SURE_SIGMAS:
             break
         del terms[int(sure.argmin())]
-    rows, left = where_trained(evidence, held_out), []
+    rows, left, p = where_trained(evidence, held_out), [], len(evidence.model.parameters)
     for added in (np.zeros_like(fit.values), fit.values):
-        theta = _base_values(search, columns @ added)
-        force = held_out.base[:, :, : len(theta)] @ theta
-        force = force + _columns(held_out, terms, j) @ added
+        theta = np.asarray(evidence.model.theta) if evidence.keeps else None
+        if theta is None:  # refitted beside the added force
+            forces = evidence.base, evidence.force - columns @ added
+            theta = least_squares(*map(search.whitener, forces))[:p]
+        force = held_out.base[:, :, :p] @ theta + _columns(held_out, terms, j) @ added
         left.append(rows.relative(np.where(held_out.used, held_out.force - force, 0.0)))
     closed = replace(gap.held_to, before=left[0], after=left[1]).closed_on([j])
     pairs = zip(NAMES, terms, fit.values.tolist(), fit.std_devs.tolist(), strict=False)
     return FoundFormula(
         equation=_equation(evidence, j, terms),
         parameters=[
-            FoundParameter(
-                name=name,
-                value=value,
-                std_dev=std_dev,
-                unit=evidence.unit(_unit(evidence, j, one)),
-                minimum=None,
-                determined=is_determined(value, std_dev),
-            )
+            FoundParameter.of(name, value, std_dev, evidence.unit(_unit(evidence, j, one)))
             for name, one, value, std_dev in pairs
         ],
         before=left[0][j],
@@ -289,15 +284,6 @@ def _tested(
         closed_share=closed,
         source=source(evidence, j, terms),
     )
-
-
-def _base_values(search: Search, added: np.ndarray) -> np.ndarray:
-    """Values (p,) of the parameters of the model beside an `added` force (n, c)."""
-    evidence, p = search.evidence, len(search.evidence.model.parameters)
-    if evidence.keeps:
-        return np.asarray(evidence.model.theta)
-    columns, force = (search.whitener(one) for one in (evidence.base, evidence.force - added))
-    return least_squares(columns, force)[:p]
 
 
 # The formula in words and as a Python file.
