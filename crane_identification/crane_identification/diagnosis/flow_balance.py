@@ -9,8 +9,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from crane_identification.diagnosis.constants import LEAST_DROP, LEAST_RUN, LEAST_TIME
-from crane_identification.diagnosis.evidence import Evidence, Run, normed, thinned
+from crane_identification.diagnosis.evidence import Evidence, Run, normed
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
+from crane_identification.signals.gated import thinned
 from crane_model.errors import DataError
 from crane_model.flow import (
     EDGES,

@@ -13,12 +13,13 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from crane_identification.data.log import Log
 from crane_identification.diagnosis.candidates import Weighed, with_own_loads
 from crane_identification.diagnosis.constants import FEWEST_ROWS
-from crane_identification.diagnosis.evidence import TINY, Evidence, Run, row_noise
+from crane_identification.diagnosis.evidence import TINY, Evidence, Run
 from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.judgement import HeldOutChange
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
 from crane_identification.preparation.run import Preparation, noise_of_mean
 from crane_identification.signals.decimate import decimate
+from crane_identification.signals.gated import reached, row_noise
 from crane_identification.thresholds import Gates, Method, Thresholds
 from crane_identification.validation.motion_validation import (
     CommandedRun,
@@ -313,7 +314,7 @@ def where_trained(training: Evidence, held_out: Evidence) -> Evidence:
     beyond = []
     for run in held_out.runs:
         outside = (run.record.position < low) | (run.record.position > high)
-        beyond.append(run.reached(outside & (low <= high)))
+        beyond.append(reached(outside & (low <= high), run.factor))
     zones = held_out.used.shape[1] // joints
     return replace(held_out, used=held_out.used & ~np.tile(np.concatenate(beyond), zones))
 

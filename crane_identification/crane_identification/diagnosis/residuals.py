@@ -1,6 +1,6 @@
 """The residual of a model: its place, and its signatures if nothing is named."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +13,12 @@ from crane_identification.diagnosis.constants import (
     VISIBLE_SHARE,
 )
 from crane_identification.diagnosis.evidence import (
+    QUANTITIES,
     TINY,
     Evidence,
     Features,
     beside,
     normed,
-    way_since_turned,
 )
 from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.gap import Gap
@@ -41,52 +41,6 @@ OF_NO_JOINT: frozenset[Variable] = frozenset(
         *("slew velocity", "temperature", "time", "recording"),
     }
 )
-_Reader = Callable[[Record, int], np.ndarray]
-
-
-def _signal(name: str) -> _Reader:
-    """Reader of a signal, that of the joint if each has one."""
-
-    def read(record: Record, j: int) -> np.ndarray:
-        values = record.needed(name, "a plot against it")
-        return values if values.ndim == 1 else values[:, j]
-
-    return read
-
-
-_force, _chamber_a, _chamber_b = map(_signal, ("force", "pressure_a", "pressure_b"))
-_QUANTITIES: dict[str, tuple[str, _Reader | None]] = {
-    "position": ("{q}", lambda record, j: record.position[:, j]),
-    "velocity": ("{q}/s", lambda record, j: record.velocity[:, j]),
-    "acceleration": ("{q}/s2", lambda record, j: record.acceleration[:, j]),
-    "way": ("{q}", None),
-    "way since it turned": (
-        "{q}",
-        lambda record, j: way_since_turned(record.position[:, j], record.velocity[:, j]),
-    ),
-    "force": ("{f}", _force),
-    "force against the motion": (
-        "{f}",
-        lambda record, j: _force(record, j) * record.direction[:, j],
-    ),
-    "rate of the force": ("{f}/s", lambda record, j: _rate_of_force(record)[:, j]),
-    "lead": ("s", None),
-    "pressure sum": ("Pa", lambda record, j: _chamber_a(record, j) + _chamber_b(record, j)),
-    "pressure of chamber B": ("Pa", _chamber_b),
-    "valve command": ("1", None),
-    "extension of the telescope": ("m", None),
-    "inclination of the telescope": ("rad", None),
-    "slew velocity": ("rad/s", _signal("slew_velocity")),
-    "temperature": ("°C", _signal("temperature")),
-    "time": ("s", lambda record, j: record.time),
-    "recording": ("1", None),
-}
-"""Units, with those of the coordinate {q} and the force {f} of a joint, and how they are read."""
-
-
-def _rate_of_force(record: Record) -> np.ndarray:
-    known = record.force_rate
-    return record.rate(record.needed("force", "a plot against it")) if known is None else known
 
 
 def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
@@ -101,7 +55,7 @@ def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
 
 def read(variable: Variable, record: Record, setting: Setting, j: int) -> np.ndarray:
     """A variable of a joint at the samples; `DataError` or `ConfigurationError` without it."""
-    _, reader = _QUANTITIES[variable]
+    _, reader = QUANTITIES[variable]
     if reader is not None:
         return reader(record, j)
     if setting.machine is None:
@@ -118,7 +72,7 @@ def unit_of(name: str, joint: str | None, setting: Setting) -> str:
     """The unit of a quantity by its name without the joint."""
     q = setting.units.get(joint or "", "")
     f = setting.force_unit(joint) if q and joint else ""
-    return _QUANTITIES[name][0].format(q=q, f=f)
+    return QUANTITIES[name][0].format(q=q, f=f)
 
 
 def feature_unit(feature: str, setting: Setting) -> str:

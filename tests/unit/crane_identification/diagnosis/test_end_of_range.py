@@ -11,7 +11,7 @@ import pytest
 
 from crane_identification.diagnosis.candidates import Candidate, at_shape
 from crane_identification.diagnosis.constants import TIME_BLOCKS
-from crane_identification.diagnosis.evidence import CYCLES, Evidence, Run
+from crane_identification.diagnosis.evidence import Evidence, Run
 from crane_identification.diagnosis.gap import where_trained
 from crane_identification.diagnosis.judgement import (
     Judged,
@@ -23,6 +23,7 @@ from crane_identification.diagnosis.judgement import (
 from crane_identification.diagnosis.projection import NOTHING, solve
 from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.signals.gated import CYCLES
 from crane_identification.thresholds import load_thresholds
 from crane_model.machine import load_machine
 from crane_model.model_file import Model
