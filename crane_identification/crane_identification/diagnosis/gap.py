@@ -9,6 +9,7 @@ import numpy as np
 from scipy import ndimage, signal
 from scipy.stats import ttest_1samp
 from sklearn.ensemble import HistGradientBoostingRegressor
+from threadpoolctl import threadpool_limits
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis.candidates import Weighed, with_own_loads
@@ -98,6 +99,7 @@ class Learnt:
         return (self.p_value < limit) & (self.strength > thresholds.gates.smallest_strength)
 
 
+@threadpool_limits.wrap(limits=1)  # so few rows are learnt faster by one thread than by several
 def learn(evidence: Evidence, residual: np.ndarray, fold: np.ndarray) -> Learnt:
     """Predict the residual (n, c) of each fold (n,) from the others, on each joint (j,)."""
     known = evidence.known
@@ -146,6 +148,7 @@ def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegres
     return learner.fit(values, target)
 
 
+@threadpool_limits.wrap(limits=1)
 def predict_elsewhere(evidence: Evidence, residual: np.ndarray, other: Evidence) -> np.ndarray:
     """The residual (n', j) of other evidence as learnt from this one."""
     here, there = evidence.known, other.known
