@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
     from crane_identification.data.sources import Sources, refuse_copies, refuse_overlap
     from crane_identification.diagnosis import page, words
     from crane_identification.diagnosis.diagnosis import check_known, diagnose
-    from crane_identification.diagnosis.fit.fit import fitted
+    from crane_identification.diagnosis.fit import fitted
     from crane_identification.diagnosis.flow import load_usual
     from crane_identification.recording_check.check import blaming, vetted
     from crane_identification.recording_check.loads import split_by_load

@@ -6,64 +6,45 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.decision import Decision, objection
-from crane_identification.diagnosis.decision.judgement import (
+from crane_identification.diagnosis import findings as schema
+from crane_identification.diagnosis.candidates import Candidate, Weighed, with_own_loads
+from crane_identification.diagnosis.decision import Decision, objection
+from crane_identification.diagnosis.findings import Verdict
+from crane_identification.diagnosis.fit import Fitted, UndeterminedError
+from crane_identification.diagnosis.flow import Flow, Flows
+from crane_identification.diagnosis.formula import formula
+from crane_identification.diagnosis.gap import OF_PERIODS, OF_SAMPLES, Gap, Line
+from crane_identification.diagnosis.judgement import (
     Beyond,
     HeldOutChange,
     Judged,
     Reason,
     Rejection,
     all_judged,
-    held_out_gains,
-    helps,
+    predicts,
 )
-from crane_identification.diagnosis.findings import (
-    ErrorChange,
-    FoundCurve,
-    NearEffect,
-    NearestEffects,
-    OwnTermEntry,
-    UnknownPlace,
-    Verdict,
-)
-from crane_identification.diagnosis.fit.evidence import beside, relative, residual
-from crane_identification.diagnosis.fit.fit import Fitted, UndeterminedError
-from crane_identification.diagnosis.flow import Flow, Flows
-from crane_identification.diagnosis.formula import formula
-from crane_identification.diagnosis.proof.gap import OF_PERIODS, OF_SAMPLES, Gap, Line
-from crane_identification.diagnosis.proof.proof import Proof, extended, found_effect
+from crane_identification.diagnosis.projection import NOTHING, solve
+from crane_identification.diagnosis.proof import Proof, extended, found_effect
 from crane_identification.diagnosis.residuals import (
     curves_of,
     left_elsewhere,
     solved,
     unknown_force,
 )
-from crane_identification.diagnosis.search.candidates import Candidate, Weighed, with_own_loads
-from crane_identification.diagnosis.search.search import (
-    Search,
-    detectable,
-    gained,
-    left_share,
-    named_from,
-    testable_share,
-    unexplained_on_joints,
-)
-from crane_identification.diagnosis.search.selection import NOTHING, solve
-from crane_identification.thresholds import Gates, Thresholds
+from crane_identification.diagnosis.search import Search
 
 # The verdict: from what was found, what is left of it, and what the recordings could show.
 
 LISTED_ALTERNATIVES = 4  # members of an ambiguity group that the reason lists
 NOT_HELD = "something is left that no effect of the catalogue explains"
+EXCITE = "excite the joints more: both directions, several speeds, the whole range"
 
 
 class DifferingForm(NamedTuple):
-    """An effect whose form is not that of the catalogue, and the nonparametric curves of the force
-    that its form lacks.
-    """
+    """An effect of another form than the catalogue's, and curves of the force that it lacks."""
 
     candidate: Candidate
-    curves: tuple[FoundCurve, ...]
+    curves: list[schema.FoundCurve]
 
 
 class Answer(NamedTuple):
@@ -74,10 +55,10 @@ class Answer(NamedTuple):
     verdict: Verdict
     reason: str
     objection: str = ""
-    nearest: NearestEffects | None = None
-    unknown: UnknownPlace | None = None
+    nearest: schema.NearestEffects | None = None
+    unknown: schema.UnknownPlace | None = None
     named_from: Mapping[str, float] = MappingProxyType({})
-    own: tuple[OwnTermEntry, ...] = ()
+    own: tuple[schema.OwnTermEntry, ...] = ()
     forms: tuple[DifferingForm, ...] = ()
 
 
@@ -92,70 +73,50 @@ class Reach(NamedTuple):
     undetermined: Sequence[str]
 
 
-def judge(
-    proof: Proof,
-    reach: Reach,
-    thresholds: Thresholds,
-    forms: Mapping[int, DifferingForm] = MappingProxyType({}),
-) -> Answer:
+Forms = Mapping[int, DifferingForm]
+
+
+def judge(proof: Proof, reach: Reach, forms: Forms = MappingProxyType({})) -> Answer:
     """The answer of the force; `forms` as of `differing_forms`."""
-    gap, method = proof.gap, thresholds.method
+    gap, method = proof.gap, proof.gap.method
     if proof.trial.effects:
-        return _of_effects(proof, thresholds, forms)
+        return _of_effects(proof, forms)
     if proof.short:
         return Answer(Verdict.UNKNOWN, NOT_HELD, objection_told([proof.short[-1].rejection]))
     if proof.trial.zero:
-        return Answer(
-            Verdict.UNKNOWN,
-            NOT_HELD,
-            f"its parameters are zero within {method.parameter_sigmas:.0f} standard deviations, or "
-            "no more than usual",
-        )
+        sigmas = f"{method.parameter_sigmas:.0f} standard deviations"
+        why = f"its parameters are zero within {sigmas}, or no more than usual"
+        return Answer(Verdict.UNKNOWN, NOT_HELD, why)
     law = proof.before.law
     if law.any():
-        return Answer(
-            Verdict.UNKNOWN,
-            f"the residual of {_listed(gap, law)} is systematic, but no effect of the catalogue "
-            "explains it",
-        )
-    errors = gap.after, gap.training_before, thresholds.gates
-    if beyond := _beyond(gap, *errors, OF_PERIODS):
+        said = f"the residual of {_listed(gap, law)} is systematic, but no effect of the catalogue "
+        return Answer(Verdict.UNKNOWN, said + "explains it")
+    if beyond := _beyond(proof, gap.training_before, OF_PERIODS):
         return Answer(Verdict.UNKNOWN, "; ".join(beyond))
+    lacking = ""
     if reach.undetermined:
-        return Answer(
-            Verdict.INSUFFICIENT,
-            f"they do not even determine {', '.join(reach.undetermined)} of the model; excite the "
-            "joints more: both directions, several speeds, the whole range",
-        )
-    if reach.testable < method.testable_share:
-        return Answer(
-            Verdict.INSUFFICIENT,
-            f"only {reach.testable:.0%} of the effects would show in these recordings; excite the "
-            "joints more: both directions, several speeds, the whole range",
-        )
-    if reach.least > method.detectable_strength:
-        return Answer(
-            Verdict.INSUFFICIENT,
-            f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
-            f"more{_better_known(gap)}",
-        )
-    if beyond := _beyond(gap, *errors, OF_SAMPLES):
+        lacking = f"they do not even determine {', '.join(reach.undetermined)} of the model; "
+        lacking += EXCITE
+    elif reach.testable < method.testable_share:
+        lacking = f"only {reach.testable:.0%} of the effects would show in these recordings; "
+        lacking += EXCITE
+    elif reach.least > method.detectable_strength:
+        lacking = f"of ten effects, one would not show at {reach.least:.1%} of the drive force; "
+        lacking += "record more"
+        if worst := float(np.max(gap.uncertain)):
+            lacking += (
+                ", or keep values that are better known: their standard deviations make "
+                f"{worst:.1%} of the force uncertain"
+            )
+    if lacking:
+        return Answer(Verdict.INSUFFICIENT, lacking)
+    if beyond := _beyond(proof, gap.training_before, OF_SAMPLES):
         return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     said = ", ".join(f"{least:.2%} on {joint}" for joint, least in reach.named.items())
     return Answer(
         Verdict.NONE,
         f"nine in ten effects would have been named from this share of the drive force on: {said}; "
         f"{_of_noise(gap)}",
-    )
-
-
-def _better_known(gap: Gap) -> str:
-    worst = float(np.max(gap.uncertain))
-    if not worst:
-        return ""
-    return (
-        f", or keep values that are better known: their standard deviations make {worst:.1%} of "
-        "the force uncertain"
     )
 
 
@@ -166,35 +127,30 @@ def _of_noise(gap: Gap) -> str:
     if not known.any():
         return f"{said} at most; no held-out recording repeats its motion"
     largest = float(np.nan_to_num(gap.over(errors, OF_PERIODS)).max())
-    return f"{said}, and by {largest:.1f} times {OF_PERIODS}, at most" + (
-        "" if known.all() else f"; not known of {_listed(gap, ~known)}"
-    )
+    rest = "" if known.all() else f"; not known of {_listed(gap, ~known)}"
+    return f"{said}, and by {largest:.1f} times {OF_PERIODS}, at most{rest}"
 
 
 def _beyond(
-    gap: Gap,
-    held_out: np.ndarray,
-    training: np.ndarray,
-    gates: Gates,
-    scatter: str,
-    asked: np.ndarray | bool = True,
+    proof: Proof, training: np.ndarray, scatter: str, asked: np.ndarray | bool = True
 ) -> list[str]:
-    """Sentences on the joints `asked` whose errors (j,) exceed the noise by the `scatter`."""
-    errors = np.maximum(held_out, training)
+    """Sentences on the joints `asked` whose errors exceed the noise by the `scatter`."""
+    gap = proof.gap
+    errors = np.maximum(gap.after, training)
     times = gap.over(errors, scatter)
-    beyond = gap.beyond(errors, gates, scatter) & asked
     return [
-        f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
+        f"the force of {gap.joints[j]} errs by {gap.after[j]:.2%} on held-out recordings and by "
         f"{training[j]:.2%} on the others, up to {times[j]:.0f} times {scatter}"
-        for j in np.flatnonzero(beyond)
+        for j in np.flatnonzero(gap.beyond(errors, proof.trial.thresholds.gates, scatter) & asked)
     ]
 
 
-def _of_effects(proof: Proof, thresholds: Thresholds, forms: Mapping[int, DifferingForm]) -> Answer:
-    """Effects that passed every test: are they all?"""
+def _of_effects(proof: Proof, forms: Forms) -> Answer:
+    """The answer with effects that passed every test: are they all?"""
+    gap, acting = proof.gap, _acting(proof)
     share = proof.trial.explained(proof.before)
-    said = _moved(proof)
-    if np.isfinite(proof.gap.held_to.closed_on(np.flatnonzero(_acting(proof)).tolist())):
+    said = [change_told(gap.change(j)) for j in np.flatnonzero(acting & (gap.after < gap.before))]
+    if np.isfinite(gap.held_to.closed_on(np.flatnonzero(acting).tolist())):
         told = np.floor(100.0 * share)  # never all, if something is left
         said.insert(0, f"the effects explain {told:.0f}% of what can be explained")
     groups = [_alternatives(one) for one in proof.trial.effects if one.indistinct]
@@ -203,17 +159,11 @@ def _of_effects(proof: Proof, thresholds: Thresholds, forms: Mapping[int, Differ
         f"the form of {one.candidate.label} differs from that of the catalogue"
         for one in forms.values()
     ]
-    more = _more(proof, share, thresholds, forms)
-    if more:
+    if more := _more(proof, share, forms):
         return Answer(Verdict.AND_MORE, "; ".join(said + apart + more))
     if groups:
         return Answer(Verdict.AMBIGUOUS, "; ".join(apart + said))
     return Answer(Verdict.NAMED, "; ".join(said))
-
-
-def _moved(proof: Proof) -> list[str]:
-    gap, acting = proof.gap, _acting(proof)
-    return [change_told(gap.change(j)) for j in np.flatnonzero(acting & (gap.after < gap.before))]
 
 
 def _acting(proof: Proof) -> np.ndarray:
@@ -223,13 +173,10 @@ def _acting(proof: Proof) -> np.ndarray:
     return np.isin(np.arange(len(names)), list(joints))
 
 
-def _more(
-    proof: Proof, share: float, thresholds: Thresholds, forms: Mapping[int, DifferingForm]
-) -> list[str]:
-    """Sentences on what is missing beside the effects. On a joint without an effect, an error just
-    above its limit counts only if it is systematic.
-    """
-    trial, gap, method = proof.trial, proof.gap, thresholds.method
+def _more(proof: Proof, share: float, forms: Forms) -> list[str]:
+    """Sentences on what is missing beside the effects; small errors count if systematic."""
+    trial, gap, method = proof.trial, proof.gap, proof.gap.method
+    gates = trial.thresholds.gates
     told = np.isin(np.arange(len(gap.joints)), list(forms))  # by their forms
     systematic, acting = trial.law & ~told, _acting(proof)
     said = []
@@ -237,12 +184,12 @@ def _more(
         said.append(f"a systematic residual is left on {_listed(gap, systematic)}")
     if trial.left_share > method.left_share and not told[acting].all():
         said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
+    errors = np.maximum(gap.after, gap.training_after)
     for scatter in (OF_PERIODS, OF_SAMPLES) if trial.formless else (OF_PERIODS,):
-        errors = np.maximum(gap.after, gap.training_after)
-        clear = errors / method.clean_factor
-        asked = ~told & (acting | trial.law | gap.beyond(clear, thresholds.gates, scatter))
-        said += _beyond(gap, gap.after, gap.training_after, thresholds.gates, scatter, asked)
-        told |= asked & gap.beyond(errors, thresholds.gates, scatter)  # said once
+        clear = gap.beyond(errors / method.clean_factor, gates, scatter)
+        asked = ~told & (acting | trial.law | clear)
+        said += _beyond(proof, gap.training_after, scatter, asked)
+        told |= asked & gap.beyond(errors, gates, scatter)  # said once
     worse = gap.after > method.worse_factor * np.fmax(gap.before, method.clean_factor * gap.floor)
     said += [
         ("" if acting[j] else "where none of the effects acts, ") + change_told(gap.change(j))
@@ -256,46 +203,31 @@ def _more(
     return said
 
 
-def differing_forms(
-    search: Search, effects: Sequence[Judged], thresholds: Thresholds, counts: bool = False
-) -> dict[int, DifferingForm]:
-    """Numbers of the joints on which a nonparametric curve of an effect explains most of what
-    `effects` leave, also of recordings that it was not fitted to, with that effect.
-    """
-    joints, method = search.evidence.joints, thresholds.method
-    subset = search.together(one.shaped for one in effects)
-    if not subset.numbers:
-        return {}
-    left = unexplained_on_joints(search, subset)
+def differing_forms(search: Search, effects: Sequence[Judged]) -> dict[int, DifferingForm]:
+    """By joint number, curves of effects that explain most of what these leave, also held out."""
+    evidence, share = search.evidence, search.thresholds.method.simple_share
+    subset, found = search.together(one.shaped for one in effects), dict[int, DifferingForm]()
+    left = search.unexplained_on_joints(subset)
     known = [one.shaped.columns for one in effects]
-    setting, found = search.evidence.model.setting, dict[int, DifferingForm]()
-    for one in effects:
+    for one in effects if subset.numbers else ():
         candidate = one.shaped.candidate
         curve = None if candidate.drawn else search.shapes.of(candidate)
         if curve is None or candidate.joint is None:
             continue
-        j = joints.index(candidate.joint)
-        if gained(search, known, curve.columns) < max(method.simple_share * left[j], one.threshold):
-            continue
-        gains, _ = held_out_gains(search, known, curve.columns)
-        if helps(gains, thresholds):
-            beside_all = np.concatenate([*known, curve.columns], axis=2)
-            fit = solved(search, beside(search.base.basis, search.whitener(beside_all)))
-            k = curve.columns.shape[2]
-            values, std_devs = fit.values[-k:], fit.std_devs[-k:]
-            curves = curves_of(curve.term, candidate.where, setting, values, std_devs, counts)
-            found[j] = DifferingForm(candidate, tuple(curves))
+        j = evidence.joints.index(candidate.joint)
+        least = max(share * left[j], one.threshold)
+        if search.gained(known, curve.columns) >= least and predicts(search, known, curve.columns):
+            fit, k = solved(search, search.beside(*known, curve.columns)), curve.columns.shape[2]
+            curves = curves_of(evidence, curve.term, fit.values[-k:], fit.std_devs[-k:])
+            found[j] = DifferingForm(candidate, curves)
     return found
 
 
 def _alternatives(one: Judged) -> str:
     others = [member.label for member in one.indistinct]
-    more = (
-        f", and {len(others) - LISTED_ALTERNATIVES} more"
-        if len(others) > LISTED_ALTERNATIVES
-        else ""
-    )
-    return ", ".join([one.shaped.candidate.label, *others[:LISTED_ALTERNATIVES]]) + more
+    more = len(others) - LISTED_ALTERNATIVES
+    listed = ", ".join([one.shaped.candidate.label, *others[:LISTED_ALTERNATIVES]])
+    return listed + (f", and {more} more" if more > 0 else "")
 
 
 def _listed(gap: Gap, which: np.ndarray) -> str:
@@ -311,156 +243,140 @@ def answered(
     decision: Decision,
     proof: Proof,
     flow: Flows,
-    thresholds: Thresholds,
     own: Collection[str] = (),
 ) -> Answer:
-    """What these results come to; of the types `own` all are reported."""
-    reach, counts = _reach(fit, search, decision, thresholds), bool(fit.uncalibrated)
-    forms = differing_forms(search, proof.trial.effects, thresholds, counts)
-    answer = judge(proof, reach, thresholds, forms)
+    """The answer of all results; of the types `own` all are reported."""
+    effects, threshold = proof.trial.effects, decision.threshold
+    reach = Reach(
+        search.testable_share,
+        search.detectable(threshold),
+        search.named_from(threshold),
+        fit.undetermined,
+    )
+    forms = differing_forms(search, effects)
+    answer = judge(proof, reach, forms)
     if answer.verdict is not Verdict.INSUFFICIENT:  # what is left then is of the model, too
-        answer = _unknown_beside(answer, [beyond_told(one) for one in decision.beyond])
+        beyond = [beyond_told(one) for one in decision.beyond]
+        answer = _beside(answer, beyond, Verdict.UNKNOWN)
     if answer.verdict is Verdict.NONE:
         answer = with_too_little(answer, decision)
     if answer.verdict is Verdict.UNKNOWN:
         answer = answer._replace(
-            nearest=_nearest(fit, search, decision, proof, answer, thresholds),
-            unknown=_unknown(fit, search, proof),
+            nearest=_nearest(fit, search, decision, proof, answer),
+            unknown=_unknown(fit, search, proof.gap),
         )
     elif answer.verdict is Verdict.AND_MORE:
-        effects = proof.trial.effects
-        left = left_elsewhere(search, effects, decision.threshold, thresholds, counts)
-        answer = with_left(answer, left)
+        answer = with_left(answer, left_elsewhere(search, effects, threshold))
     answer = with_flow(with_loads(answer, proof.gap.loads), flow.found)
     answer = with_pulsation(answer, proof.pulsations)
-    terms = tuple(_own_terms(fit, search, proof, own, thresholds))
+    terms = tuple(_own_terms(fit, search, proof, own))
     return answer._replace(named_from=reach.named, own=terms, forms=tuple(forms.values()))
 
 
-def _unknown(fit: Fitted, search: Search, proof: Proof) -> UnknownPlace:
+def _unknown(fit: Fitted, search: Search, gap: Gap) -> schema.UnknownPlace:
     """The unknown force on the joint that errs most, with a formula if a short one explains it."""
-    j, counts = _worst(proof), bool(fit.uncalibrated)
-    found = formula(search, fit.held_out, proof.gap, j, counts)
-    return unknown_force(search, j, counts).model_copy(update={"formula": found})
-
-
-def _worst(proof: Proof) -> int:
-    """Number of the joint whose force errs most, beyond what is noise there."""
-    gap = proof.gap
-    noise = np.nan_to_num(gap.method.clean_factor * gap.floor)
-    return int(np.argmax(gap.largest_before**2 - np.minimum(noise, gap.largest_before) ** 2))
+    j = gap.worst
+    found = formula(search, fit.held_out, gap, j)
+    return unknown_force(search, j).model_copy(update={"formula": found})
 
 
 def _own_terms(
-    fit: Fitted, search: Search, proof: Proof, own: Collection[str], thresholds: Thresholds
-) -> Iterator[OwnTermEntry]:
+    fit: Fitted, search: Search, proof: Proof, own: Collection[str]
+) -> Iterator[schema.OwnTermEntry]:
     """The terms of the types `own` that are not named, each by itself beside the model."""
+
+    def entry(
+        one: Candidate, said: str, tried: schema.NearestEffects | None = None
+    ) -> schema.OwnTermEntry:
+        return schema.OwnTermEntry(**found_effect(one), objection=said, tried=tried)
+
     named = {one.shaped.candidate for one in proof.trial.effects}
     short = {one.effect.shaped.candidate: objection_told([one.rejection]) for one in proof.short}
     for hidden in (search.untestable, search.unobservable):
-        yield from (_own(one, why) for one, why in hidden.items() if one.type in own)
+        yield from (entry(one, why) for one, why in hidden.items() if one.type in own)
     candidates = search.projection.candidates
     for candidate in dict.fromkeys(one.candidate for one in candidates):
         if candidate.type not in own or candidate in named:
             continue
-        numbers = [i for i, one in enumerate(candidates) if one.candidate == candidate]
-        judged = _best_alone(search, numbers, thresholds)
+        judged = _best_alone(
+            search, [i for i, one in enumerate(candidates) if one.candidate == candidate]
+        )
         if judged is None:
-            yield _own(candidate, "its parameters would have the wrong sign")
+            yield entry(candidate, "its parameters would have the wrong sign")
             continue
-        said = short.get(candidate) or _objection(judged, thresholds)
+        said = short.get(candidate) or _objection(search, judged)
         said = said or "what is named explains the same, or more"
-        yield _own(candidate, said, nearest(fit, search, [judged], said))
+        yield entry(candidate, said, nearest(fit, search, [judged], said))
 
 
-def _own(one: Candidate, objection: str, tried: NearestEffects | None = None) -> OwnTermEntry:
-    return OwnTermEntry(**found_effect(one), objection=objection, tried=tried)
-
-
-def _objection(judged: Judged, thresholds: Thresholds) -> str:
-    why = objection(judged, thresholds)
+def _objection(search: Search, judged: Judged) -> str:
+    why = objection(judged, search.thresholds)
     return objection_told([why] if why else [])
 
 
-def _best_alone(search: Search, numbers: Sequence[int], thresholds: Thresholds) -> Judged | None:
+def _best_alone(search: Search, numbers: Sequence[int]) -> Judged | None:
     """The candidate of these that explains most by itself; None if each has a wrong sign."""
     alone = [solve(search.projection, (number,)) or NOTHING for number in numbers]
     best = max(alone, key=lambda one: one.gain, default=NOTHING)
-    return all_judged(search, best, thresholds)[0] if best.numbers else None
-
-
-def _reach(fit: Fitted, search: Search, decision: Decision, thresholds: Thresholds) -> Reach:
-    threshold, gate = decision.threshold, thresholds.gates.smallest_strength
-    return Reach(
-        testable_share(search),
-        detectable(search, threshold),
-        named_from(search, threshold, gate),
-        fit.undetermined,
-    )
+    return all_judged(search, best)[0] if best.numbers else None
 
 
 def with_too_little(answer: Answer, decision: Decision) -> Answer:
-    """That nothing is missing, and what of the catalogue is more than chance, but too little."""
-    more = [one for one in decision.nearest if one.score > one.threshold]
+    """The answer, and effects of the catalogue that are more than chance, but too little."""
     said = [
         f"{one.shaped.candidate.label} comes nearest, but {objection_told(decision.rejections)}"
-        for one in more
+        for one in decision.nearest
+        if one.score > one.threshold
     ]
     return answer._replace(reason="; ".join([answer.reason, *said]))
 
 
 def _nearest(
-    fit: Fitted,
-    search: Search,
-    decision: Decision,
-    proof: Proof,
-    answer: Answer,
-    thresholds: Thresholds,
-) -> NearestEffects | None:
+    fit: Fitted, search: Search, decision: Decision, proof: Proof, answer: Answer
+) -> schema.NearestEffects | None:
     """The effects that came furthest, on the joint that errs most."""
-    worst, names = _worst(proof), search.evidence.joints
-    short = tuple(one.effect for one in proof.short)
-    effects = short or proof.trial.zero or decision.nearest
+    worst, names = proof.gap.worst, search.evidence.joints
+    effects = tuple(one.effect for one in proof.short) or proof.trial.zero or decision.nearest
     said = answer.objection or objection_told(decision.rejections)
     if not any(worst in one.shaped.joints(names) for one in effects):
         candidates = search.projection.candidates
         there = [i for i, one in enumerate(candidates) if worst in one.joints(names)]
-        if judged := _best_alone(search, there, thresholds):
-            effects, said = (judged,), _objection(judged, thresholds) or said
+        if judged := _best_alone(search, there):
+            effects, said = (judged,), _objection(search, judged) or said
     return nearest(fit, search, effects, said) if effects else None
 
 
 def nearest(
     fit: Fitted, search: Search, effects: Sequence[Judged], objection: str
-) -> NearestEffects:
+) -> schema.NearestEffects:
     """The rejected `effects`, the errors of the fitted model with them, and the objection to them;
     held-out errors are NaN if the recordings do not determine the effects.
     """
-    old = relative(fit.held_out, residual(fit.held_out, fit.before))
+    held_out, shaped = fit.held_out, [one.shaped for one in effects]
+    old = held_out.relative(held_out.residual(fit.before))
     try:
         model, _ = extended(search, fit.before, effects, fit.training)
-        carried, _ = with_own_loads(model, fit.evidence, fit.held_out)
-        new = relative(fit.held_out, residual(fit.held_out, carried))
+        carried, _ = with_own_loads(model, fit.evidence, held_out)
+        new = held_out.relative(held_out.residual(carried))
     except UndeterminedError:
         new = np.full_like(old, np.nan)
-    left = left_share(search, [one.shaped for one in effects])
-    return NearestEffects(
+    return schema.NearestEffects(
         effects=[
-            NearEffect(
+            schema.NearEffect(
                 **found_effect(one.shaped.candidate), score=one.score, threshold=one.threshold
             )
             for one in effects
         ],
-        explained_share=float(np.clip(1.0 - left, 0.0, 1.0)),
+        explained_share=float(np.clip(1.0 - search.left_share(shaped), 0.0, 1.0)),
         model_error={
-            joint: ErrorChange(before=before, after=after)
+            joint: schema.ErrorChange(before=before, after=after)
             for joint, before, after in zip(fit.before.joints, old, new, strict=True)
         },
         objection=objection,
     )
 
 
-def with_left(answer: Answer, left: Sequence[UnknownPlace]) -> Answer:
+def with_left(answer: Answer, left: Sequence[schema.UnknownPlace]) -> Answer:
     """The answer, and what its effects leave on joints where none of them acts, largest first."""
     if not left:
         return answer
@@ -473,7 +389,7 @@ def with_left(answer: Answer, left: Sequence[UnknownPlace]) -> Answer:
 
 
 def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
-    """The answer where the flow of oil, which the torque cannot show, tells something more."""
+    """The answer with what the flow of oil, which the torque cannot show, tells beside it."""
     strange = [
         f"{flow.unexplained:.1%} of the flow of {flow.joint} is systematic, but no effect of the "
         "catalogue explains it" + (": most of it is what air in the oil takes" if flow.airy else "")
@@ -486,79 +402,66 @@ def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
         for flow in flows
         for one in flow.missing
     ]
-    return _named_beside(_unknown_beside(answer, strange), missing)
+    return _beside(_beside(answer, strange, Verdict.UNKNOWN), missing, Verdict.NAMED)
 
 
 def with_pulsation(answer: Answer, pulsations: Sequence[Line]) -> Answer:
-    """The answer where a line is in the force that no motion makes."""
-    return _unknown_beside(
-        answer,
-        [
-            f"the force of {one.joint} pulsates at {one.frequency:.2f} Hz in all recordings "
-            f"({one.relative_magnitude:.1%} of it), which no effect of the catalogue does"
-            for one in pulsations
-        ],
-    )
-
-
-def _unknown_beside(answer: Answer, said: Sequence[str]) -> Answer:
-    """The answer, and something that the catalogue does not hold."""
-    if not said:
-        return answer
-    text = "; ".join(said)
-    if answer.verdict is Verdict.NONE:
-        return Answer(Verdict.UNKNOWN, text)
-    if answer.verdict is Verdict.INSUFFICIENT:  # what shows, shows
-        return Answer(Verdict.UNKNOWN, f"{text}; {answer.reason}")
-    more = answer.verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
-    verdict = Verdict.AND_MORE if more else answer.verdict
-    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
-
-
-def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
-    if not said:
-        return answer
-    text = "; ".join(said)
-    if answer.verdict in (Verdict.NONE, Verdict.INSUFFICIENT):
-        return Answer(Verdict.NAMED, text)
-    unknown = answer.verdict is Verdict.UNKNOWN
-    verdict = Verdict.AND_MORE if unknown else answer.verdict
-    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
+    """The answer with lines in the spectrum of the force that no motion makes."""
+    said = [
+        f"the force of {one.joint} pulsates at {one.frequency:.2f} Hz in all recordings "
+        f"({one.relative_magnitude:.1%} of it), which no effect of the catalogue does"
+        for one in pulsations
+    ]
+    return _beside(answer, said, Verdict.UNKNOWN)
 
 
 def with_loads(answer: Answer, loads: Sequence[Weighed]) -> Answer:
-    """The answer where a held-out recording carries another load than all those trained on."""
+    """The answer with held-out recordings that carry another load than all those trained on."""
     said = [
         f"{one.recording} carries {abs(one.mass):.3g} kg {'more' if one.mass > 0.0 else 'less'} "
         "than the recordings trained on"
         for one in loads
         if one.found
     ]
-    return _named_beside(answer, said)
+    return _beside(answer, said, Verdict.NAMED)
+
+
+def _beside(answer: Answer, said: Sequence[str], alone: Verdict) -> Answer:
+    """The answer with something beside it that by itself would be `NAMED` or `UNKNOWN`."""
+    if not said:
+        return answer
+    verdict, unknown = answer.verdict, alone is Verdict.UNKNOWN
+    if verdict is Verdict.INSUFFICIENT and unknown:  # what shows, shows
+        return Answer(alone, "; ".join([*said, answer.reason]))
+    if verdict in (Verdict.NONE, Verdict.INSUFFICIENT):
+        return Answer(alone, "; ".join(said))
+    if verdict in ((Verdict.NAMED, Verdict.AMBIGUOUS) if unknown else (Verdict.UNKNOWN,)):
+        verdict = Verdict.AND_MORE
+    return answer._replace(verdict=verdict, reason="; ".join([answer.reason, *said]))
 
 
 # Why an effect is rejected, and what the catalogue does not hold.
 
 
 def objection_told(rejections: Sequence[Rejection]) -> str:
-    """Why an effect is rejected, in words; empty if it is not."""
+    """Sentences on why an effect is rejected; empty if it is not."""
     return "; ".join(_rejected(one) for one in rejections)
 
 
 def _rejected(one: Rejection) -> str:
-    about, limit = ", ".join(one.about), one.limit
+    about, limit, measured = ", ".join(one.about), one.limit, one.measured
     with_it = f"with it, {', '.join(change_told(change) for change in one.errors)}"
     match one.reason:
         case Reason.SCORE:
-            return f"its score is {one.measured:.0f}, and {limit:.0f} is asked for"
+            return f"its score is {measured:.0f}, and {limit:.0f} is asked for"
         case Reason.STRENGTH:
             return (
-                f"it is {one.measured:.2g} of the drive force, where the errors of the processing "
+                f"it is {measured:.2g} of the drive force, where the errors of the processing "
                 f"itself reach {limit:.2g}"
             )
         case Reason.HELD_OUT:
             return (
-                f"it improves the prediction of {one.measured:.0f} of the {limit:.0f} parts that "
+                f"it improves the prediction of {measured:.0f} of the {limit:.0f} parts that "
                 "it was not fitted to"
             )
         case Reason.FORM:
@@ -567,26 +470,22 @@ def _rejected(one: Rejection) -> str:
             return f"others that look different are as good as {about}"
         case Reason.SIGNATURE:
             return f"{about} explains clearly more than any shape of it"
-        case Reason.CLOSED if one.measured < 0.0:
+        case Reason.CLOSED if measured < 0.0:
             return f"{with_it}; it should close {limit:.0%} of the gap"
         case Reason.CLOSED:
             return (
-                f"it closes {one.measured:.0%} of what could be closed of the gap on held-out "
+                f"it closes {measured:.0%} of what could be closed of the gap on held-out "
                 f"recordings, and {limit:.0%} are asked for"
             )
         case Reason.RESEMBLANCE:
-            return (
-                f"it explains {one.measured:.0%} of what can be explained, and {limit:.0%} are "
-                "asked for"
-            )
+            explained = f"it explains {measured:.0%} of what can be explained"
+            return f"{explained}, and {limit:.0%} are asked for"
         case Reason.WIDENED:
             return with_it
 
 
 def change_told(change: HeldOutChange) -> str:
-    """Sentence on the change of the held-out error of a joint; one number if both are printed
-    alike.
-    """
+    """Sentence on the change of the held-out error of a joint."""
     before, after = (f"{error:.2%}" for error in (change.before, change.after))
     if before == after:
         return f"the held-out error of {change.joint} stays at {after}"

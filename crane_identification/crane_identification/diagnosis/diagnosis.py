@@ -10,48 +10,39 @@ import numpy as np
 from crane_identification.data.log import Log
 from crane_identification.diagnosis import findings as schema
 from crane_identification.diagnosis.answer import Answer, answered
-from crane_identification.diagnosis.decision.decision import Decision, decide
-from crane_identification.diagnosis.decision.judgement import Judged, in_place_of
-from crane_identification.diagnosis.decision.lookalikes import SENSING
-from crane_identification.diagnosis.findings import Findings, Verdict
-from crane_identification.diagnosis.fit.evidence import Evidence
-from crane_identification.diagnosis.fit.fit import Fitted, fitted
-from crane_identification.diagnosis.flow import Flow, Flows, Quantity, Usual, examine, load_usual
-from crane_identification.diagnosis.proof.gap import (
-    OF_PERIODS,
-    OF_SAMPLES,
-    Commanded,
-    Gap,
-    commanded,
-)
-from crane_identification.diagnosis.proof.proof import (
-    Finding,
-    Proof,
-    Value,
-    carried_in,
-    found_effect,
-    in_counts,
-    proved,
-)
-from crane_identification.diagnosis.residuals import curves_of, energy_shares, regions
-from crane_identification.diagnosis.search.candidates import (
-    MASS_SIGMAS,
+from crane_identification.diagnosis.candidates import (
     NO_LOAD,
     WHOLE,
     Candidate,
     Weighed,
     wanted,
 )
-from crane_identification.diagnosis.search.projection import extended
-from crane_identification.diagnosis.search.search import Search, acting, search
-from crane_identification.diagnosis.search.selection import ForwardSelection, Subset
+from crane_identification.diagnosis.constants import (
+    FORM_ERROR,
+    PARTLY_SEEN_SHARE,
+    PLAUSIBLE_SHARE,
+    SURE_SIGMAS,
+)
+from crane_identification.diagnosis.decision import Decision, decide
+from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.findings import Findings, Verdict
+from crane_identification.diagnosis.fit import Fitted, fitted
+from crane_identification.diagnosis.flow import Flow, Flows, Quantity, Usual, examine, load_usual
+from crane_identification.diagnosis.gap import OF_PERIODS, OF_SAMPLES, Commanded, Gap, commanded
+from crane_identification.diagnosis.judgement import Judged, found_values, in_place_of
+from crane_identification.diagnosis.lookalikes import SENSING
+from crane_identification.diagnosis.projection import Subset, extended
+from crane_identification.diagnosis.proof import Finding, Proof, Value, found_effect, proved
+from crane_identification.diagnosis.residuals import curves_of, energy_shares, regions
+from crane_identification.diagnosis.search import Search, search
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.estimation.autoregression import Autoregression
-from crane_identification.notation import is_determined
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds
 from crane_identification.validation.force_validation import elsewhere
 from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.errors import ConfigurationError, DataError
+from crane_model.flow import FLOW_EFFECTS
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
 from crane_model.result_file import OpenMember, OpenQuestion, OpenQuestions, QuestionKind
@@ -61,13 +52,6 @@ from crane_model.terms.force_scale import USUAL_SCALE_ERROR
 LAST = -1  # place of the effect that was put into a set: it is smaller where signs forbid the rest
 NOISE_LAGS = 64  # rows after which noise is forgotten
 NEAREST_MEMBERS = 4  # effects that come closest, of an answer that the catalogue does not hold it
-PARTLY_SEEN_SHARE = 0.25  # of the energy of an effect, below which it may stay unseen
-FORM_ERROR = 0.75
-"""Relative error of a parameter, over the model error beyond noise relative to the visible part of
-its effect. A smooth force of another form hides in the other parameters: the error is larger than
-what is left. Two of these cover in 95 % of 384 regressions with forms of four families, and in 96 %
-of 384 others."""
-PLAUSIBLE_SHARE = 0.02  # rms of a term that is not determined, over that of the force of its joint
 
 
 @dataclass(frozen=True)
@@ -81,7 +65,6 @@ class Diagnosis:
     proof: Proof
     commanded: Commanded
     answer: Answer
-    thresholds: Thresholds
     without: frozenset[str]
 
     @property
@@ -119,20 +102,18 @@ class Diagnosis:
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """The effects that the model lacks, strongest first. Their standard deviations include that
-        a form is not quite the machine's, and that lengths and transducers scale the force.
-        """
-        trial, counts = self.proof.trial, bool(self.fit.uncalibrated)
-        found = []
+        """Missing effects, strongest first; deviations include errors of the form."""
+        found, trial = [], self.proof.trial
         for one, values in zip(trial.effects, trial.values, strict=True):
             form = 0.0 if one.shaped.candidate.drawn else self._form_error(one)
             scale = 0.0 if one.shaped.term.family == SENSING else USUAL_SCALE_ERROR
-            linear = len(one.shaped.positive)
-            shares = [np.hypot(form, scale if k < linear else 0.0) for k in range(len(values))]
-            found.append(Finding(one, tuple(map(_with_error, values, shares))))
-        return tuple(
-            replace(one, parameters=in_counts(one.parameters)) if counts else one for one in found
-        )
+            parameters = []
+            for k, value in enumerate(values):
+                share = np.hypot(form, scale if k < len(one.shaped.positive) else 0.0)
+                error = float(np.hypot(value.std_dev, share * value.change[0]))
+                parameters.append(replace(value, std_dev=error))
+            found.append(Finding(one, tuple(parameters)))
+        return tuple(found)
 
     def _form_error(self, one: Judged) -> float:
         """Relative error of the parameters of an effect because of its form."""
@@ -149,7 +130,7 @@ class Diagnosis:
         return (*self.fit.warnings, *further)
 
     def results(self, suspicions: Sequence[str] = ()) -> Findings:
-        """What findings.json holds."""
+        """The content of findings.json."""
         return Findings(
             verdict=self.verdict,
             reason=self.reason,
@@ -170,10 +151,17 @@ class Diagnosis:
             without=sorted(self.without),
             not_testable=_untried(self.search.untestable),
             partly_seen=_partly_seen(self.search),
-            not_observable=_untried(self.search.unobservable)
-            + [
-                schema.Untried(effect=effect, joint=joint, reason=reason)
-                for (effect, joint), reason in self.flow.unobservable.items()
+            not_observable=[
+                *_untried(self.search.unobservable),
+                *(
+                    schema.Untried(
+                        effect=effect,
+                        name=FLOW_EFFECTS[effect].effect.name,
+                        joint=joint,
+                        reason=reason,
+                    )
+                    for (effect, joint), reason in self.flow.unobservable.items()
+                ),
             ],
             pulsations=[
                 schema.FoundPulsation(
@@ -203,7 +191,7 @@ def diagnose(
     own: Collection[str] = (),
     fit: Fitted | None = None,
 ) -> Diagnosis:
-    """Where `model` disagrees with the recordings, and why.
+    """Find where `model` disagrees with the recordings, and why.
 
     `usual` says what is usual of the hydraulics (None: the packaged values). `without` names
     effects (types of terms) that the answer is sought without: what else could it be? Effects of
@@ -216,27 +204,22 @@ def diagnose(
     `DataError` if recordings cannot be used or do not determine the parameters of the model;
     `ConfigurationError` if an effect is not in the catalogue, or values to keep are missing.
     """
-    _check(training, validation, without)
-    fit = fit or fitted(model, training, validation, options, fixed, progress)
-    selection = ForwardSelection(search(fit.evidence, wanted(fit, without), progress), progress)
-    decision = decide(selection, thresholds)
-    found = selection.search  # all of it: the decision is taken
-    proof = proved(fit, found, decision.passed, thresholds, progress)
-    effects = [one.shaped.candidate for one in proof.trial.effects]
-    flow = examine(fit.evidence, fit.held_out, usual or load_usual(), thresholds, effects)
-    answer = answered(fit, found, decision, proof, flow, thresholds, own)
-    after = proof.gap.carried if proof.trial.effects else fit.before
-    moved = commanded(fit, after, validation)
-    return Diagnosis(
-        fit, found, decision, flow, proof, moved, answer, thresholds, frozenset(without)
-    )
-
-
-def _check(training: Sequence[Log], validation: Sequence[Log], without: Collection[str]) -> None:
     for name, logs in (("--train", training), ("--validate", validation)):
         if not logs:
             raise DataError(f"no recordings given; name at least one with {name}")
     check_known(without)
+    fit = fit or fitted(model, training, validation, options, fixed, progress)
+    found = search(fit.evidence, wanted(fit, without), thresholds, progress)
+    selection = ForwardSelection(found, progress)
+    decision = decide(selection)
+    found = selection.search  # all of it: the decision is taken
+    proof = proved(fit, found, decision.passed, progress)
+    effects = [one.shaped.candidate for one in proof.trial.effects]
+    flow = examine(fit.evidence, fit.held_out, usual or load_usual(), thresholds, effects)
+    answer = answered(fit, found, decision, proof, flow, own)
+    after = proof.gap.carried if proof.trial.effects else fit.before
+    moved = commanded(fit, after, validation)
+    return Diagnosis(fit, found, decision, flow, proof, moved, answer, frozenset(without))
 
 
 def check_known(effects: Collection[str]) -> None:
@@ -248,23 +231,16 @@ def check_known(effects: Collection[str]) -> None:
         )
 
 
-def _with_error(value: Value, share: float) -> Value:
-    """A parameter whose change errs by this share more than noise makes it err."""
-    return replace(value, std_dev=float(np.hypot(value.std_dev, share * value.change[0])))
-
-
 # The parts of the results.
 
 
 def _where(diagnosis: Diagnosis) -> dict[str, schema.FoundPlace]:
     first = diagnosis.proof.before
-    shares, places = (
-        energy_shares(diagnosis.training, first, diagnosis.gap),
-        regions(diagnosis.fit, first),
-    )
+    shares = energy_shares(diagnosis.training, first, diagnosis.gap)
+    places = regions(diagnosis.fit, first)
     return {
-        joint: schema.FoundPlace(energy_share=shares[j], region=places[j])
-        for j, joint in enumerate(diagnosis.joints)
+        joint: schema.FoundPlace(energy_share=share, region=place)
+        for joint, share, place in zip(diagnosis.joints, shares, places, strict=True)
     }
 
 
@@ -309,7 +285,7 @@ def _errors(diagnosis: Diagnosis) -> schema.ModelErrors:
 
 def _left(diagnosis: Diagnosis) -> dict[str, schema.LeftResidual]:
     fit, trial, gap = diagnosis.fit, diagnosis.proof.trial, diagnosis.gap
-    errors, gates = np.maximum(gap.after, gap.training_after), diagnosis.thresholds.gates
+    errors, gates = np.maximum(gap.after, gap.training_after), trial.thresholds.gates
     beyond_noise = gap.beyond(errors, gates, OF_PERIODS)
     if trial.formless:  # model forms always leave more than the noise of sensors
         beyond_noise |= gap.beyond(errors, gates, OF_SAMPLES)
@@ -326,21 +302,18 @@ def _left(diagnosis: Diagnosis) -> dict[str, schema.LeftResidual]:
 
 
 def _finding(diagnosis: Diagnosis, finding: Finding) -> schema.FindingEntry:
-    judged, candidate = finding.judged, finding.candidate
-    magnitude = acting(diagnosis.training, judged.shaped.columns, finding.added)
-    linear = finding.parameters[: len(judged.shaped.positive)]
+    judged, candidate, training = finding.judged, finding.candidate, diagnosis.training
+    magnitude = training.acting(judged.shaped.columns, finding.added)
     return schema.FindingEntry(
         **found_effect(candidate),
         changed=candidate.changes,
         ambiguity_group=[schema.FoundEffect(**found_effect(one)) for one in judged.indistinct],
         parameters=[_parameter(value) for value in finding.parameters],
         curves=curves_of(
+            training,
             judged.shaped.term,
-            candidate.where,
-            diagnosis.before.setting,
-            np.array([one.value for one in linear]),
-            np.array([one.std_dev for one in linear]),
-            bool(diagnosis.fit.uncalibrated),
+            (one.value for one in finding.linear),
+            (one.std_dev for one in finding.linear),
         ),
         deviation=[
             curve
@@ -348,7 +321,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> schema.FindingEntry:
             if one.candidate == candidate
             for curve in one.curves
         ],
-        carried_in=carried_in(finding, diagnosis.training.sources),
+        carried_in=finding.carried_in(training.sources),
         score=judged.score,
         threshold=judged.threshold,
         runner_up=judged.runner_up and schema.FoundEffect(**found_effect(judged.runner_up)),
@@ -366,19 +339,17 @@ def _of_load(diagnosis: Diagnosis, one: Weighed) -> schema.FindingEntry:
     carried = {mass.name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}
     score = (one.mass / one.std_dev) ** 2
     what = Candidate(cls, None)
-    return _by_itself(diagnosis, what, WHOLE, mass, score, MASS_SIGMAS**2, carried_in=carried)
+    return _by_itself(what, WHOLE, mass, score, SURE_SIGMAS**2, carried_in=carried)
 
 
 def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> schema.FindingEntry:
-    sigmas = diagnosis.thresholds.method.flow_sigmas
+    sigmas = diagnosis.search.thresholds.method.flow_sigmas
     threshold = (sigmas * one.std_dev / one.value) ** 2 * one.score
-    return _by_itself(
-        diagnosis, one, joint, _of_quantity(one), one.score, threshold, visible_magnitude=one.share
-    )
+    value = _of_quantity(one)
+    return _by_itself(one, joint, value, one.score, threshold, visible_magnitude=one.share)
 
 
 def _by_itself(
-    diagnosis: Diagnosis,
     what: Candidate | Quantity,
     joint: str,
     value: schema.FoundParameter,
@@ -427,14 +398,8 @@ def _of_quantity(one: Quantity) -> schema.FoundParameter:
 
 def _parameter(one: Value) -> schema.FoundParameter:
     """A parameter, whether the recordings determine it, and what it has changed from."""
-    parameter = schema.FoundParameter(
-        name=one.name,
-        value=one.value,
-        std_dev=one.std_dev,
-        unit=one.unit,
-        minimum=one.minimum,
-        determined=is_determined(one.value, one.std_dev, one.minimum),
-    )
+    given = one.name, one.value, one.std_dev, one.unit, one.minimum
+    parameter = schema.FoundParameter.of(*given)
     if one.before is None:
         return parameter
     (before, before_std_dev), (change, change_std_dev) = one.before, one.change
@@ -457,10 +422,7 @@ def _partly_seen(search: Search) -> list[schema.PartlySeen]:
 
 
 def _untried(candidates: Mapping[Candidate, str]) -> list[schema.Untried]:
-    return [
-        schema.Untried(effect=candidate.type, joint=candidate.where, reason=reason)
-        for candidate, reason in candidates.items()
-    ]
+    return [schema.Untried(**found_effect(one), reason=why) for one, why in candidates.items()]
 
 
 # What is open, as `design --discriminate` reads it: members with their sizes.
@@ -491,11 +453,9 @@ def _as_white(noise: Autoregression | None) -> float | None:
 
 def _ambiguous(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
     search, effects = diagnosis.search, diagnosis.proof.trial.effects
-    if not any(one.indistinct for one in effects):
-        return
     subset = search.together(one.shaped for one in effects)
-    for place, judged in enumerate(effects):
-        if not judged.indistinct or not subset.numbers or judged.shaped.candidate.changes:
+    for place, judged in enumerate(effects if subset.numbers else ()):
+        if not judged.indistinct or judged.shaped.candidate.changes:
             continue
         others = {
             search.projection.candidates[one.numbers[-1]].candidate: one
@@ -508,20 +468,20 @@ def _ambiguous(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
 
 
 def _nearest_question(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
-    """Where nothing of the catalogue is it: what comes closest by itself, on the joint of that."""
+    """Ask which of the nearest effects of the joint it is, if none of the catalogue is named."""
     if diagnosis.verdict is not Verdict.UNKNOWN or diagnosis.answer.nearest is None:
         return
-    search, near = diagnosis.search, diagnosis.answer.nearest
-    candidates, joint = search.projection.candidates, near.effects[0].joint
+    search, near = diagnosis.search, diagnosis.answer.nearest.effects[0]
+    candidates = search.projection.candidates
     alone = sorted(extended(search.projection, search.sets[0][0]), key=lambda one: -one.gain)
-    on_joint = [one for one in alone if candidates[one.numbers[-1]].candidate.where == joint]
+    on_joint = [one for one in alone if candidates[one.numbers[-1]].candidate.where == near.joint]
     first = on_joint[:NEAREST_MEMBERS]
     if len(first) > 1:
         members = [
             _member(search, one, 0, first[0].gain if place else None)
             for place, one in enumerate(first)
         ]
-        yield _question(diagnosis, QuestionKind.NEAREST, members, near.effects[0].threshold or 0.0)
+        yield _question(diagnosis, QuestionKind.NEAREST, members, near.threshold or 0.0)
 
 
 def _undetermined(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
@@ -551,7 +511,7 @@ def _undetermined(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
 def _question(
     diagnosis: Diagnosis, kind: QuestionKind, members: Sequence[OpenMember], threshold: float
 ) -> OpenQuestion:
-    alike = diagnosis.thresholds.method.alike_correlation
+    alike = diagnosis.search.thresholds.method.alike_correlation
     return OpenQuestion(
         kind=kind,
         members=list(members),
@@ -562,18 +522,11 @@ def _question(
 
 def _member(search: Search, subset: Subset, place: int, best: float | None) -> OpenMember:
     """The effect at one place of a set, with its values there."""
-    projection = search.projection
-    shaped = projection.candidates[subset.numbers[place]]
-    columns = np.concatenate([projection.columns_of[i] for i in subset.numbers])
-    of_effect = projection.owner[columns] == subset.numbers[place]
-    scale = projection.scale[columns[of_effect]]
-    values = np.divide(
-        subset.values[of_effect], scale, out=np.zeros(of_effect.sum()), where=scale > 0.0
-    )
+    shaped = search.projection.candidates[subset.numbers[place]]
     return OpenMember(
         **found_effect(shaped.candidate),
         term=shaped.term.model_dump(mode="json"),
-        values=values.tolist(),
+        values=found_values(search, subset, place).tolist(),
         separation=None if best is None else float(np.sqrt(max(best - subset.gain, 0.0))),
         discriminated_by=shaped.candidate.effect.discriminated_by,
     )

@@ -6,11 +6,12 @@ file, and its page of the manual, are made from these classes.
 
 from enum import StrEnum
 
+from crane_identification.notation import is_determined
 from crane_model.result_file import Number, NumberByJoint, OpenQuestions, ResultFile, ResultPart
 
 
 class Verdict(StrEnum):
-    """What a diagnosis answers."""
+    """The answer of a diagnosis."""
 
     NAMED = "named"
     AND_MORE = "named_and_more"
@@ -26,7 +27,7 @@ class FoundEffect(ResultPart):
     effect: str
     """Its type, as in the catalogue and in model files."""
     name: str
-    """What people call it."""
+    """The name that people use."""
     joint: str
     """The joint, or `all` where it is of the whole crane."""
 
@@ -37,7 +38,7 @@ class NearEffect(FoundEffect):
     score: Number
     """2 Δ log L of the training recordings [-]."""
     threshold: Number
-    """What a finding has to score [-]."""
+    """The score that a finding needs [-]."""
 
 
 class FoundParameter(ResultPart):
@@ -52,16 +53,31 @@ class FoundParameter(ResultPart):
     unit: str
     """SI; `1` for a ratio, `counts` where readings have no unit."""
     minimum: Number
-    """What physics keeps it above [unit]."""
+    """The least value that physics allows [unit]."""
     determined: bool
     """Whether the recordings determine it."""
+
+    @classmethod
+    def of(
+        cls, name: str, value: float, std_dev: float, unit: str, minimum: float | None = None
+    ) -> "FoundParameter":
+        """The parameter, which is determined if its number would be printed."""
+        determined = is_determined(value, std_dev, minimum)
+        return FoundParameter(
+            name=name,
+            value=value,
+            std_dev=std_dev,
+            unit=unit,
+            minimum=minimum,
+            determined=determined,
+        )
 
 
 class ChangedParameter(FoundParameter):
     """A parameter that the model had with another value."""
 
     before: Number
-    """What it has changed from [unit]."""
+    """The value before the change [unit]."""
     before_std_dev: Number
     """Standard deviation of that [unit]."""
     change: Number
@@ -74,19 +90,19 @@ class FoundCurve(ResultPart):
     """A dependence as it was drawn: values at knots, straight lines between them."""
 
     variable: str
-    """What it depends on; of a velocity and of a force, their size."""
+    """The quantity that it depends on; of a velocity and of a force, their size."""
     variable_unit: str
-    """Of the knots."""
+    """The unit of the knots."""
     knots: list[Number]
-    """Where the values are [variable_unit]."""
+    """Places of the values [variable_unit]."""
     values: list[Number]
     """Force over what it is multiplied by [unit]."""
     std_devs: list[Number]
     """Their standard deviations; 0 where the shape is held at 0 [unit]."""
     unit: str
-    """Of the values."""
+    """The unit of the values."""
     times: str
-    """What it is multiplied by: the direction sgn(q'), the velocity q', or 1."""
+    """Its factor: the direction sgn(q'), the velocity q', or 1."""
 
 
 class FindingEntry(FoundEffect):
@@ -97,7 +113,7 @@ class FindingEntry(FoundEffect):
     ambiguity_group: list[FoundEffect] = []
     """Effects that these recordings cannot tell from this one."""
     parameters: list[ChangedParameter | FoundParameter]
-    """Of this effect, in the model with all findings."""
+    """Parameters of this effect, in the model with all findings."""
     curves: list[FoundCurve] = []
     """Its law, where none of the catalogue fits; empty where one does."""
     deviation: list[FoundCurve] = []
@@ -107,7 +123,7 @@ class FindingEntry(FoundEffect):
     score: Number
     """2 Δ log L of the training recordings [-]."""
     threshold: Number
-    """What a finding has to score [-]."""
+    """The score that a finding needs [-]."""
     runner_up: FoundEffect | None = None
     """The effect that explains most in its place."""
     margin: Number
@@ -124,25 +140,25 @@ class FindingEntry(FoundEffect):
 
 
 class FoundRegion(ResultPart):
-    """Where most of a residual sits."""
+    """The place of most of a residual."""
 
     variable: str
     """The quantity that the residual follows most."""
     range: tuple[Number, Number]
     """Lowest and highest value of it [unit]."""
     unit: str
-    """Of the quantity."""
+    """The unit of the quantity."""
     share: Number
-    """Of the energy of the residual that sits there [-]."""
+    """Share of the energy of the residual [-]."""
 
 
 class FoundPlace(ResultPart):
-    """What the model leaves of a joint before anything is added."""
+    """The residual of a joint before anything is added."""
 
     energy_share: Number
-    """Of all that the model leaves, in units of the noise [-]."""
+    """Share of all that the model leaves, in units of the noise [-]."""
     region: FoundRegion | None
-    """Where the residual sits."""
+    """The place of the residual."""
 
 
 class ErrorChange(ResultPart):
@@ -155,12 +171,12 @@ class ErrorChange(ResultPart):
 
 
 class NearestEffects(ResultPart):
-    """What comes closest where nothing is named."""
+    """The effects that come closest if nothing is named."""
 
     effects: list[NearEffect]
     """Strongest first."""
     explained_share: Number
-    """Of what the training recordings leave where they act [-]."""
+    """Share of what the training recordings leave where they act [-]."""
     model_error: dict[str, ErrorChange]
     """By joint."""
     objection: str
@@ -173,18 +189,18 @@ class OwnTermEntry(FoundEffect):
     objection: str
     """Why not."""
     tried: NearestEffects | None
-    """What it does by itself; none where these recordings cannot show it."""
+    """Its effect by itself; none if these recordings cannot show it."""
 
 
 class NearbySignature(ResultPart):
-    """What an unknown force may depend on."""
+    """A quantity that an unknown force may depend on."""
 
     signature: str
     """In words: the variable, and with which symmetry."""
     effects: list[str]
     """Types of the effects that have it; none where the catalogue knows no such effect."""
     explained_share: Number
-    """Of the energy beyond noise, by the best shape of it [-]."""
+    """Share of the energy beyond noise, by the best shape of it [-]."""
     better: int
     """Recordings that it helps to predict when it is fitted to the others [-]."""
     asked: int
@@ -201,7 +217,7 @@ class FoundDifference(ResultPart):
     unit: str
     """SI; `1` for a ratio, `counts` where readings have no unit."""
     explained_share: Number
-    """Of the energy beyond noise, where each recording has its own value [-]."""
+    """Share of the energy beyond noise, if each recording has its own value [-]."""
     changes: NumberByJoint
     """By recording: what it differs by from the value of all [unit]."""
     std_devs: NumberByJoint
@@ -212,7 +228,7 @@ class FoundFormula(ResultPart):
     """A short formula for an unknown force."""
 
     equation: str
-    """Of the force, in the position q, velocity q' and acceleration q'' of its joint and others."""
+    """The force, by the position q, velocity q' and acceleration q'' of its joint and others."""
     parameters: list[FoundParameter]
     """Its coefficients."""
     before: Number
@@ -226,10 +242,10 @@ class FoundFormula(ResultPart):
 
 
 class UnknownPlace(ResultPart):
-    """What is known of a force that is unknown."""
+    """An unknown force."""
 
     joint: str
-    """That most of it is on."""
+    """The joint with most of it."""
     relative_magnitude: Number
     """Rms of what is beyond noise there, over that of the drive force [-]."""
     signatures: list[NearbySignature]
@@ -237,9 +253,9 @@ class UnknownPlace(ResultPart):
     recordings: NumberByJoint
     """By the recordings in which there is far more of it: rms over the median of all [-]."""
     difference: FoundDifference | None
-    """Where most of it is that recordings differ from each other."""
+    """The parameter by which recordings differ, if that is most of it."""
     formula: FoundFormula | None = None
-    """Where a short formula explains it."""
+    """A short formula, if one explains it."""
 
 
 class ModelError(ResultPart):
@@ -285,14 +301,14 @@ class ModelErrors(ResultPart):
     """The proof: errors on recordings that took no part."""
 
     before: dict[str, ModelError]
-    """Of the model as it came, by joint."""
+    """Errors of the model as it came, by joint."""
     after: dict[str, ModelError]
-    """Of the model with the findings, by joint."""
+    """Errors of the model with the findings, by joint."""
     closed: NumberByJoint
     """Share of the explainable energy that the findings explain, where training went; null where
     there is none [-]."""
     loads: list[CarriedLoad]
-    """What single held-out recordings carry."""
+    """Loads of single held-out recordings."""
     from_commands: list[CommandedError] = []
     """By how far ahead; empty where that cannot be simulated."""
     from_commands_reason: str = ""
@@ -300,25 +316,21 @@ class ModelErrors(ResultPart):
 
 
 class LeftResidual(ResultPart):
-    """What is left of a joint after the findings."""
+    """The residual of a joint after the findings."""
 
     learnable_share: Number
-    """Of its energy that a flexible learner predicts [-]."""
+    """Share of its energy that a flexible learner predicts [-]."""
     systematic: bool
     """Whether that is more than chance gives."""
     beyond_noise: bool
     """Whether the error is clearly larger than the noise floor."""
     region: FoundRegion | None
-    """Where it sits."""
+    """The place of the residual."""
 
 
-class Untried(ResultPart):
+class Untried(FoundEffect):
     """An effect that was not tried."""
 
-    effect: str
-    """Its type."""
-    joint: str
-    """The joint, or `all`."""
     reason: str
     """Why not."""
 
@@ -336,7 +348,7 @@ class FoundPulsation(ResultPart):
     joint: str
     """On which."""
     frequency: Number
-    """Of the line [Hz]."""
+    """Frequency of the line [Hz]."""
     relative_magnitude: Number
     """Its rms over that of the force [-]."""
 
@@ -358,7 +370,7 @@ class FlowBalance(ResultPart):
     known_time: Number
     """For which everything is known that the balance needs [s]."""
     recorded_time: Number
-    """Of the recordings [s]."""
+    """Time of the recordings [s]."""
     quantities: dict[str, HydraulicQuantity]
     """By name in the catalogue; empty where too much is left for any to be good."""
 
@@ -377,11 +389,11 @@ class Findings(ResultFile):
     findings: list[FindingEntry]
     """Effects of the force, strongest first; then of the flow; then loads."""
     nearest: NearestEffects | None
-    """Where nothing is named."""
+    """The nearest effects, if nothing is named."""
     own_terms: list[OwnTermEntry] = []
     """Terms of `--terms` that are not named."""
     unknown: UnknownPlace | None = None
-    """Where something is unknown; beside names, on the joint without one that most is left on."""
+    """An unknown force; beside names, on the joint without one that most is left on."""
     model_error: ModelErrors
     """Errors before and after."""
     left: dict[str, LeftResidual]
@@ -408,8 +420,8 @@ class Findings(ResultFile):
     flow: dict[str, FlowBalance]
     """By joint whose flow was recorded."""
     open: OpenQuestions
-    """What another experiment could discriminate: `design --discriminate` finds its motion."""
+    """Questions for another experiment: `design --discriminate` finds its motion."""
     named_from: NumberByJoint
     """By joint: strength from which nine in ten effects are named, before any filter [-]."""
     suspicions: list[str] = []
-    """What is suspicious of the recordings themselves."""
+    """Suspicions of the recordings themselves."""

@@ -8,7 +8,15 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from pydantic import model_validator
 
-from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.constants import (
+    SAME_ASYMMETRY,
+    SAME_COMMAND,
+    SAME_LEAKAGE,
+    SAME_OIL,
+    SURE_SIGMAS,
+)
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.flow_balance import (
     COLUMNS,
     LEAK,
@@ -23,7 +31,6 @@ from crane_identification.diagnosis.flow_balance import (
     solved,
     with_wear,
 )
-from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.thresholds import Method, Thresholds
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import DataError
@@ -34,15 +41,9 @@ from crane_model.terms import Effect
 
 # What is usual of valves and oil: the machine's own values where they are known, else a file's.
 
-IDENTIFIED_SIGMAS = 4.0  # standard deviations of an own value that are no change of it
-SAME_COMMAND = 1e-3  # [-1..1] by which dead bands and play that are the same may differ
-SAME_ASYMMETRY = 5e-3  # of the gains
-SAME_LEAKAGE = 1e-14  # m3/(s Pa)
-SAME_OIL = 0.1  # of the bulk modulus, which a little air or warmth changes as much
-
 
 class Usual(Schema):
-    """What is usual of valves and oil; `hydraulics.yaml` says what each is."""
+    """Usual values of valves and oil; `hydraulics.yaml` explains each."""
 
     dead_band: dict[str, Positive]
     hysteresis: Positive
@@ -62,7 +63,7 @@ class Usual(Schema):
         return self
 
     def leakage_of(self, joint: str) -> float:
-        """Of a joint [m3/(s Pa)]; infinite if the file has none."""
+        """The usual leakage of a joint [m3/(s Pa)]; infinite if the file has none."""
         match self.leakage:
             case dict() as each:
                 return each.get(joint, np.inf)
@@ -86,9 +87,7 @@ class JointUsual:
 
 
 def usual_of(joint: str, usual: Usual, hydraulics: HydraulicValues | None) -> JointUsual:
-    """Limits by the joint's own values as far as they are determined; `DataError` if no dead band
-    is.
-    """
+    """Limits by the joint's own values as far as determined; `DataError` without a dead band."""
     known = hydraulics.joints.get(joint) if hydraulics else None
     own = _own(known) if known and known.chambers else {}
     if joint not in usual.dead_band and "dead_bands" not in own:
@@ -113,18 +112,21 @@ def _own(known: JointHydraulics) -> dict[str, Any]:
 
     def beyond(name: str, same: float) -> float:
         one = values[name]
-        return one.value + same + IDENTIFIED_SIGMAS * (one.std_dev or 0.0)
+        return one.value + same + SURE_SIGMAS * (one.std_dev or 0.0)
 
     d_a, d_b = values["dead_band_a"].value, values["dead_band_b"].value
     strokes = 1.0 - np.array([d_a, d_b, d_b, d_a])  # of EDGES, to fully open
     centre = asymmetry(np.array([values[edge].value for edge in EDGES]) / strokes)
     oil = values["bulk_modulus"]
     limits = {
-        "dead_bands": (beyond("dead_band_a", SAME_COMMAND), beyond("dead_band_b", SAME_COMMAND)),
+        "dead_bands": (
+            beyond("dead_band_a", SAME_COMMAND),
+            beyond("dead_band_b", SAME_COMMAND),
+        ),
         "hysteresis": beyond("hysteresis", SAME_COMMAND),
         "asymmetry": (centre - SAME_ASYMMETRY, centre + SAME_ASYMMETRY),
         "leakage": beyond("leakage", SAME_LEAKAGE),
-        "bulk_modulus": (1.0 - SAME_OIL) * oil.value - IDENTIFIED_SIGMAS * (oil.std_dev or 0.0),
+        "bulk_modulus": (1.0 - SAME_OIL) * oil.value - SURE_SIGMAS * (oil.std_dev or 0.0),
     }
     parts = {
         "dead_bands": {"dead_band_a", "dead_band_b"},
@@ -209,7 +211,7 @@ class Flow:
 
     @property
     def missing(self) -> tuple[Quantity, ...]:
-        """What is not as usual, strongest first; nothing if most of what is left is `unknown`."""
+        """Quantities that are not usual, strongest first; none if the rest is `unknown`."""
         return () if self.unknown else self._beyond
 
     @property
@@ -249,7 +251,7 @@ EFFECTS = {
     "leakage": "internal_leakage",
     "bulk_modulus": "oil_compressibility",
 }
-"""What is called missing where a limit in `JointUsual` is passed, as in FLOW_EFFECTS."""
+"""Effects in FLOW_EFFECTS that are missing if a limit in `JointUsual` is passed."""
 
 Tied = Callable[[Side, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
 """From a side and its columns to those of a balance with one quantity as it usually is, and the
@@ -257,7 +259,7 @@ part of the flow that is then known."""
 
 
 class Quantities:
-    """Those of a joint's balance, beside what is usual of it."""
+    """The quantities of a joint's balance, beside their usual values."""
 
     def __init__(self, balance: ProvedBalance, usual: JointUsual, thresholds: Thresholds) -> None:
         self._balance, self._usual = balance, usual
@@ -313,7 +315,7 @@ class Quantities:
         return self._judged("asymmetry", value, std_dev, limit, tied, beyond)
 
     def _of_column(self, name: str, part: int, unit: float, limit: float) -> Quantity:
-        """Of a parameter that is the quantity over a `unit`."""
+        """A quantity that is a parameter times a `unit`."""
         values = self._balance.fitted.values
         value = float(values[part])
         fixed = limit / unit
@@ -367,10 +369,7 @@ def examine(
     thresholds: Thresholds,
     named: Sequence[Candidate] = (),
 ) -> Flows:
-    """The flow of each joint. An effect is missing if its value lies beyond what is usual, and the
-    usual value predicts the `held_out` flow clearly worse. If `named` effects are of sensors, these
-    tell nothing of the flow.
-    """
+    """The flow of each joint: missing are values that predict `held_out` better than usual ones."""
     distrusted = {one.where for one in named if one.term.is_of_sensors()}
     found: list[Flow] = []
     absent: dict[tuple[str, str], str] = {}
@@ -387,7 +386,7 @@ def examine(
 
 
 def _flow(here: FlowRows, there: FlowRows, usual: JointUsual, thresholds: Thresholds) -> Flow:
-    """What the balance of a joint says; `DataError` if it says nothing."""
+    """The quantities and the rest of the balance of a joint; `DataError` if noise hides them."""
     gates, method = thresholds.gates, thresholds.method
     balance = balance_of(here, there)
     if balance.unexplained > gates.unexplained_flow:
@@ -399,6 +398,7 @@ def _flow(here: FlowRows, there: FlowRows, usual: JointUsual, thresholds: Thresh
             f"{method.flow_noise_share:.0%} allowed; move faster"
         )
     gains = _gains(balance, here.joint, method)
+    air, values = balance.beside(here.air, there.air)
     return Flow(
         joint=here.joint,
         quantities=() if noise else Quantities(balance, usual, thresholds).all(),
@@ -406,22 +406,19 @@ def _flow(here: FlowRows, there: FlowRows, usual: JointUsual, thresholds: Thresh
         unexplained=balance.unexplained,
         usual=gates.unexplained_flow,
         correlation=balance.correlation,
-        air=_air(balance),
+        air=air if values[-1] > 0.0 else 0.0,
         known=here.known,
         recorded=here.recorded,
         method=method,
     )
 
 
-def _air(balance: ProvedBalance) -> float:
-    """Share of what is left that air in the oil would explain."""
-    share, values = balance.beside(balance.here.rows.air, balance.there.rows.air)
-    return share if values[-1] > 0.0 else 0.0
-
-
 def _gains(balance: ProvedBalance, joint: str, method: Method) -> tuple[Gain, ...]:
-    """Of the metering edges; `DataError` if the flow does not follow them."""
-    gains = tuple(_gain(balance, k, edge, method) for k, edge in enumerate(EDGES))
+    """The metering edges; `DataError` if the flow does not follow them."""
+    gains = []
+    for k, edge in enumerate(EDGES):
+        value, std_dev = float(balance.fitted.values[k]), balance.std_dev(balance.unit(k))
+        gains.append(Gain(edge, value, std_dev, abs(value) >= method.flow_sigmas * std_dev))
     known = [gain for gain in gains if gain.determined]
     wrong = [gain.edge for gain in known if gain.value < 0.0]
     if wrong or not known:
@@ -430,10 +427,4 @@ def _gains(balance: ProvedBalance, joint: str, method: Method) -> tuple[Gain, ..
             + (f", and runs against it at the edge {', '.join(wrong)}" if wrong else "")
             + "; check sign and log of its command, and that its chambers are not exchanged"
         )
-    return gains
-
-
-def _gain(balance: ProvedBalance, column: int, edge: str, method: Method) -> Gain:
-    value = float(balance.fitted.values[column])
-    std_dev = balance.std_dev(balance.unit(column))
-    return Gain(edge, value, std_dev, abs(value) >= method.flow_sigmas * std_dev)
+    return tuple(gains)

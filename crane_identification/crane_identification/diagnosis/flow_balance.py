@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from crane_identification.diagnosis.fit.evidence import Evidence, Run, normed, thinned
+from crane_identification.diagnosis.constants import LEAST_DROP, LEAST_RUN, LEAST_TIME
+from crane_identification.diagnosis.evidence import Evidence, Run, normed
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
+from crane_identification.signals.gated import thinned
 from crane_model.errors import DataError
 from crane_model.flow import (
     EDGES,
@@ -29,19 +31,11 @@ from crane_model.record import Record
 
 # The rows of the balance of flow of one joint, filtered like the torque.
 
-LEAST_TIME = 8.0  # s of motion in either direction
-LEAST_RUN = 1.0  # s; of what is shorter, the filter sees nothing but its ends
-LEAST_DROP = 3e5  # Pa
-"""From chambers to tank and supply. Below it, errors of transducers are as large as the drop, and a
-chamber may be about to be empty and draw oil past the valve.
-"""
 SIGNALS = ("command", "pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
 
 
 class _Part(NamedTuple):
-    """A part of a run in which all is known: its `gate` (samples,), its `open` rows, and what its
-    valve is asked with.
-    """
+    """A part of a run in which all is known: its `gate` (samples,), `open` rows and valve."""
 
     run: Run
     gate: np.ndarray
@@ -49,7 +43,7 @@ class _Part(NamedTuple):
     metered: Metered
 
     def rows(self, values: np.ndarray) -> np.ndarray:
-        """(rows, k) of values (samples, k), filtered like the torque."""
+        """Values (samples, k), filtered like the torque: (rows, k)."""
         return thinned(values * self.gate[:, np.newaxis], self.run.factor)[self.open]
 
 
@@ -90,18 +84,18 @@ class FlowRows:
         return WearRange.of(np.concatenate(places))
 
     def worn(self, wear_range: WearRange) -> np.ndarray:
-        """(N, k) of a leakage that changes along a stroke, beside its mean."""
+        """Columns (N, k) of a leakage that changes along a stroke, beside its mean."""
         return self._rows(
             lambda run: worn_columns(run.record, self.machine, self.joint, wear_range)
         )
 
     def edges(self, dead_bands: tuple[float, float], play: float = 0.0) -> np.ndarray:
-        """(N, 4) flow through each metering edge for K = 1."""
+        """Flow (N, 4) through each metering edge for K = 1."""
         valve = self._valve(dead_bands, play)
         return self._edge_rows(lambda part: valve.flows(part.metered))
 
     def edges_and_rates(self, dead_bands: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-        """The same without play, and its rate, which is what a delay takes away: (N, 4) each."""
+        """Flow (N, 4) without play, and its rate (N, 4), which a delay takes away."""
         valve = self._valve(dead_bands, 0.0)
 
         def columns(part: _Part) -> np.ndarray:
@@ -127,7 +121,7 @@ class FlowRows:
         return [replace(run, record=run.record.take(p), gate=run.gate[p]) for p in parts]
 
     def _metering(self, record: Record) -> np.ndarray:
-        """(samples,) where both chambers are well above the tank and well below the supply."""
+        """Samples (samples,) at which both chambers are well between tank and supply."""
         chambers = self._signal(record, "pressure_a"), self._signal(record, "pressure_b")
         above = np.minimum(*chambers) - self._signal(record, "tank_pressure")
         below = self._signal(record, "supply_pressure") - np.maximum(*chambers)
@@ -159,7 +153,7 @@ class FlowRows:
             )
 
     def _rows(self, of: Callable[[Run], np.ndarray]) -> np.ndarray:
-        """(N, k) from (samples, 2, k) of each run, filtered like the torque."""
+        """Values (samples, 2, k) of each run, filtered like the torque: (N, k)."""
         parts = []
         for part in self._parts:
             values = of(part.run)
@@ -170,7 +164,7 @@ class FlowRows:
         return np.concatenate(parts)
 
     def _edge_rows(self, of: Callable[[_Part], np.ndarray]) -> np.ndarray:
-        """(N, k) from (samples, k) of the edges in each part, once or several times."""
+        """Values (samples, k) of the edges in each part, once or several times: (N, k)."""
         rows = np.concatenate([part.rows(of(part)) for part in self._parts])
         return of_chambers(rows).reshape(-1, rows.shape[1])
 
@@ -208,16 +202,14 @@ class FlowSolution(NamedTuple):
 
 
 class Spool(NamedTuple):
-    """What the balance is not linear in: dead bands of the two directions, play; and the gains of
-    the edges that a delay, play and a change of the dead bands are weighed with.
-    """
+    """Nonlinear values: dead bands and play; `gains` that weigh their changes and a delay."""
 
     dead_bands: tuple[float, float]
     play: float
     gains: np.ndarray
 
     def columns(self, rows: FlowRows) -> np.ndarray:
-        """The columns (N, COLUMNS) of the balance, linear about these dead bands and play."""
+        """Columns (N, COLUMNS) of the balance, linear about these dead bands and play."""
         a, b = self.dead_bands
         edges, rates = rows.edges_and_rates((a, b))
 
@@ -253,7 +245,7 @@ def searched(rows: FlowRows) -> Spool:
 
 
 def _refined(rows: FlowRows, spool: Spool) -> Spool:
-    """With the dead bands and gains of least squares, by Gauss-Newton."""
+    """The spool with dead bands and gains of least squares, by Gauss-Newton."""
     for _ in range(REFINING_STEPS):
         values = solved(spool.columns(rows), rows.flow).values
         change = values[list(ZONES)]
@@ -265,7 +257,7 @@ def _refined(rows: FlowRows, spool: Spool) -> Spool:
 
 
 def _lowest(cost: Callable[[float], float], highest: float) -> float:
-    """Where the cost is lowest between 0.001 and `highest`."""
+    """The value between 0.001 and `highest` at which the cost is lowest."""
     bounds, accuracy = (1e-3, highest), {"xatol": 1e-4}
     found = minimize_scalar(
         lambda x: cost(float(x)), bounds=bounds, method="bounded", options=accuracy
@@ -299,15 +291,12 @@ class Side:
     further: np.ndarray
 
     def columns(self, spool: Spool) -> np.ndarray:
-        """(N, COLUMNS + k) of the balance about this spool."""
+        """Columns (N, COLUMNS + k) of the balance about this spool."""
         return np.column_stack([spool.columns(self.rows), self.further])
 
 
 class ProvedBalance:
-    """The balance of a joint, `fitted` to the rows `here` and proved by those `there`. `least` is
-    the mean square left in the proof, `unexplained` the share of the flow (rms) that is left,
-    `correlation` that of its neighbouring rows.
-    """
+    """The balance of a joint, `fitted` to the rows `here` and proved by those `there`."""
 
     def __init__(self, here: Side, there: Side, spool: Spool) -> None:
         self.here, self.there, self.spool = here, there, spool
@@ -319,9 +308,7 @@ class ProvedBalance:
         self.correlation = _correlation(self.fitted.left)
 
     def beside(self, here: np.ndarray, there: np.ndarray) -> tuple[float, np.ndarray]:
-        """Share of what is left that further columns would explain, both here and in the proof, and
-        the values of all.
-        """
+        """Share of the rest that further columns explain here and in the proof, and all values."""
         fit = solved(np.column_stack([self.columns, here]), self.here.rows.flow)
         proof = np.column_stack([self.proof, there])
         left = power(self.there.rows.flow - proof @ fit.values)
@@ -331,9 +318,7 @@ class ProvedBalance:
         return np.eye(len(self.fitted.values))[column]
 
     def std_dev(self, gradient: np.ndarray) -> float:
-        """Of a function of the parameters with this gradient (k,); infinite if it is not
-        determined. What is left counts as an autoregression of first order.
-        """
+        """Deviation of a function with this gradient (k,) of autoregressive noise, or infinite."""
         if not self.fitted.determined[gradient != 0.0].all():
             return float("inf")
         alike = max(self.correlation, 0.0)
@@ -348,9 +333,7 @@ def balance_of(here: FlowRows, there: FlowRows) -> ProvedBalance:
 
 
 def with_wear(plain: ProvedBalance, least_share: float) -> ProvedBalance:
-    """The same with a leakage along the stroke, if that explains more than `least_share` of what is
-    left.
-    """
+    """The balance with a leakage along the stroke, if that explains enough of the rest."""
     here, there = plain.here.rows, plain.there.rows
     wear = [rows.worn(here.wear_range) for rows in (here, there)]
     share, values = plain.beside(*wear)
@@ -360,6 +343,6 @@ def with_wear(plain: ProvedBalance, least_share: float) -> ProvedBalance:
 
 
 def _correlation(left: np.ndarray) -> float:
-    """Of neighbouring rows (N,) of the same chamber, below 1: 0.2 of filtered noise."""
+    """Correlation of neighbouring rows (N,) of a chamber, below 1: 0.2 of filtered noise."""
     chambers = left.reshape(-1, 2)
     return float((chambers[1:] * chambers[:-1]).sum() / (chambers**2).sum())

@@ -15,26 +15,29 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from crane_identification.diagnosis.findings import FoundFormula, FoundParameter
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.constants import (
+    FORMULA_SHARE,
     MOST_SHARE,
+    SURE_SIGMAS,
     VISIBLE_SHARE,
+)
+from crane_identification.diagnosis.evidence import (
+    TINY,
     Evidence,
     beside,
     least_squares,
-    relative,
 )
-from crane_identification.diagnosis.proof.gap import Gap, where_trained
+from crane_identification.diagnosis.findings import FoundFormula, FoundParameter
+from crane_identification.diagnosis.gap import Gap, where_trained
 from crane_identification.diagnosis.residuals import (
     OF_NO_JOINT,
-    as_counted,
     on_rows,
     read,
     solved,
     unit_of,
 )
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.notation import is_determined, listed, plain
+from crane_identification.diagnosis.search import Search
+from crane_identification.notation import listed, plain
 from crane_model.errors import CraneError
 from crane_model.record import Record
 from crane_model.terms.nonparametric import FACTORS
@@ -43,16 +46,12 @@ from crane_model.terms.term import Variable
 NAMES = "abc"  # of the coefficients
 MOST_TERMS = len(NAMES)
 KEPT_SINGLES = 60  # terms by themselves, the best of which are tried in pairs
-LEAST_SHARE = 0.03  # of the energy beyond noise, that a further term explains at least
 ALIKE = 1e-3  # share of the energy of a term that is left beside another, below which both are one
-SURE_SIGMAS = 4.0  # by which a coefficient differs from zero, or its term is dropped
 WAVES, STEPS, EDGES = 40, 8, 9  # scales of waves, of curves that level off, and of edges
 
 
 class Primitive(NamedTuple):
-    """A shape as Python has it, and its values at x (n,) with the scale c. The coefficient has the
-    unit of the force over that of x to this `power`.
-    """
+    """A shape in Python, its values, the `power` of x in its unit, and how it is scaled."""
 
     code: str
     values: Callable[[np.ndarray, float], np.ndarray]
@@ -88,9 +87,7 @@ READ: dict[Variable, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class FormulaTerm:
-    """A term but for its coefficient: the form of a `variable` of joint number `about`, at a scale,
-    times a factor of the joint that the force acts on.
-    """
+    """The form of a `variable` of joint number `about` at a scale, times a factor."""
 
     variable: Variable
     about: int
@@ -99,20 +96,18 @@ class FormulaTerm:
     times: str
 
 
-def formula(
-    search: Search, held_out: Evidence, gap: Gap, j: int, counts: bool = False
-) -> FoundFormula | None:
+def formula(search: Search, held_out: Evidence, gap: Gap, j: int) -> FoundFormula | None:
     """The formula that explains the residual of joint number j best; None if no short one does."""
     grammar = _Grammar(search, j)
     best: tuple[float, FoundFormula] | None = None
     known = 0.0
     for terms in grammar.best():
         gain = grammar.gain(terms)
-        if best is not None and gain - known < LEAST_SHARE * grammar.beyond:
+        if best is not None and gain - known < FORMULA_SHARE * grammar.beyond:
             break
         known = gain
-        found = _tested(search, held_out, gap, j, terms, counts)
-        if best is None or (found.closed_share or 0.0) > best[0] + LEAST_SHARE:
+        found = _tested(search, held_out, gap, j, terms)
+        if best is None or (found.closed_share or 0.0) > best[0] + FORMULA_SHARE:
             best = (found.closed_share or 0.0), found
     return best[1] if best is not None and best[0] >= MOST_SHARE else None
 
@@ -161,9 +156,7 @@ class _Grammar:
                         yield FormulaTerm(variable, about, form, scale, times)
 
     def _products(self, terms: Sequence[FormulaTerm]) -> tuple[np.ndarray, np.ndarray]:
-        """Gram matrix (k, k) beside the base, and products with the residual (k,); zero for terms
-        that do not show.
-        """
+        """Gram matrix (k, k) beside the base, and products with the residual (k,), if they show."""
         x, factors = self._x, self._factors
         values = [one.form.values(x[one.variable, one.about], one.scale) for one in terms]
         columns = np.stack(values, axis=1) * np.stack([factors[one.times] for one in terms], axis=1)
@@ -216,7 +209,7 @@ class _Grammar:
             chosen.append(int(np.argmax(more)))
 
     def _refined(self, terms: list[FormulaTerm]) -> list[FormulaTerm]:
-        """With the scales at which they explain most together, near those of the grid."""
+        """The terms with the scales that explain most together, near those of the grid."""
         free = [i for i, one in enumerate(terms) if one.form.scales]
         if not free:
             return terms
@@ -259,36 +252,31 @@ def _columns(evidence: Evidence, terms: Sequence[FormulaTerm], j: int) -> np.nda
 
 
 def _tested(
-    search: Search, held_out: Evidence, gap: Gap, j: int, terms: Sequence[FormulaTerm], counts: bool
+    search: Search, held_out: Evidence, gap: Gap, j: int, terms: Sequence[FormulaTerm]
 ) -> FoundFormula:
     """The formula with its coefficients, and its effect on the held-out recordings."""
-    evidence, base, terms = search.evidence, search.base, list(terms)
+    evidence, terms = search.evidence, list(terms)
     while True:
         columns = _columns(evidence, terms, j)
-        fit = solved(search, beside(base.basis, search.whitener(columns)))
-        sure = np.abs(fit.values) / np.maximum(fit.std_devs, np.finfo(float).tiny)
+        fit = solved(search, search.beside(columns))
+        sure = np.abs(fit.values) / np.maximum(fit.std_devs, TINY)
         if len(terms) == 1 or sure.min() >= SURE_SIGMAS:
             break
         del terms[int(sure.argmin())]
-    rows, left = where_trained(evidence, held_out), []
+    rows, left, p = where_trained(evidence, held_out), [], len(evidence.model.parameters)
     for added in (np.zeros_like(fit.values), fit.values):
-        theta = _base_values(search, columns @ added)
-        force = held_out.base[:, :, : len(theta)] @ theta
-        force = force + _columns(held_out, terms, j) @ added
-        left.append(relative(rows, np.where(held_out.used, held_out.force - force, 0.0)))
+        theta = np.asarray(evidence.model.theta) if evidence.keeps else None
+        if theta is None:  # refitted beside the added force
+            forces = evidence.base, evidence.force - columns @ added
+            theta = least_squares(*map(search.whitener, forces))[:p]
+        force = held_out.base[:, :, :p] @ theta + _columns(held_out, terms, j) @ added
+        left.append(rows.relative(np.where(held_out.used, held_out.force - force, 0.0)))
     closed = replace(gap.held_to, before=left[0], after=left[1]).closed_on([j])
     pairs = zip(NAMES, terms, fit.values.tolist(), fit.std_devs.tolist(), strict=False)
     return FoundFormula(
         equation=_equation(evidence, j, terms),
         parameters=[
-            FoundParameter(
-                name=name,
-                value=value,
-                std_dev=std_dev,
-                unit=as_counted(_unit(evidence, j, one), counts),
-                minimum=None,
-                determined=is_determined(value, std_dev),
-            )
+            FoundParameter.of(name, value, std_dev, evidence.unit(_unit(evidence, j, one)))
             for name, one, value, std_dev in pairs
         ],
         before=left[0][j],
@@ -296,15 +284,6 @@ def _tested(
         closed_share=closed,
         source=source(evidence, j, terms),
     )
-
-
-def _base_values(search: Search, added: np.ndarray) -> np.ndarray:
-    """Values (p,) of the parameters of the model beside an `added` force (n, c)."""
-    evidence, p = search.evidence, len(search.evidence.model.parameters)
-    if evidence.keeps:
-        return np.asarray(evidence.model.theta)
-    columns, force = (search.whitener(one) for one in (evidence.base, evidence.force - added))
-    return least_squares(columns, force)[:p]
 
 
 # The formula in words and as a Python file.

@@ -12,8 +12,8 @@ from scipy.stats import binned_statistic
 
 from crane_identification.diagnosis import words
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.fit.evidence import Zone, least_squares, residual
-from crane_identification.diagnosis.proof.proof import Finding
+from crane_identification.diagnosis.evidence import TINY, Zone, least_squares
+from crane_identification.diagnosis.proof import Finding
 from crane_identification.diagnosis.residuals import OF_NO_JOINT, on_rows, unit_of
 from crane_identification.diagnosis.words import Content
 from crane_identification.notation import human, listed, percent, plain, spoken
@@ -38,11 +38,7 @@ BEFORE, AFTER, EFFECT = "--before", "--after", "--ink"
 CLOUD_POINTS = 1500  # of a cloud; more do not show
 CLOUD_MEANS = 40  # of the line of means through a cloud
 HEIGHT, LEGEND_HEIGHT = 240, 30  # px
-DASHES = {BEFORE: "dot"}
-"""Of lines, to tell them apart where there is no colour; others are plain."""
-STRETCHING_MEDIANS = (
-    5.0  # medians of the sizes of values, beyond which one does not stretch an axis
-)
+STRETCHING_MEDIANS = 5.0  # of the sizes of values: larger ones do not stretch an axis
 
 
 class Picture(NamedTuple):
@@ -55,7 +51,7 @@ class Picture(NamedTuple):
 
     @property
     def height(self) -> int:
-        """What the page keeps free for it [px]."""
+        """Height that the page keeps free for it [px]."""
         return int(self.description["layout"]["height"])
 
 
@@ -109,8 +105,6 @@ def render(
             if motion.reason
         ],
         discriminate=words.discriminating_command(content, folder),
-        untestable=_untried(diagnosis, content["not_testable"]),
-        unobservable=_untried(diagnosis, content["not_observable"]),
         percent=percent,
         listed=listed,
         spoken=spoken,
@@ -134,20 +128,6 @@ def _usual(quantity: Content, missing: bool) -> str:
     return f"{plain(factor * limit)} {unit}".rstrip() + unsure
 
 
-def _untried(diagnosis: Diagnosis, entries: Sequence[Content]) -> list[tuple[str, str]]:
-    names = {
-        one.type: one.effect.name
-        for one in (*diagnosis.search.untestable, *diagnosis.search.unobservable)
-    } | {kind: one.effect.name for kind, one in FLOW_EFFECTS.items()}
-    return [
-        (
-            f"{names[one['effect']]} ({words.place(one['joint'])})",
-            words.said(one["reason"], diagnosis.joints),
-        )
-        for one in entries
-    ]
-
-
 # The pictures of all, and of one finding.
 
 
@@ -158,45 +138,54 @@ def curves(key: str, entries: Sequence[Content], title: str) -> tuple[Picture, .
         (unit, factor), (force, size) = human(one["variable_unit"]), human(one["unit"])
         values, std_devs = (size * np.array(one[name]) for name in ("values", "std_devs"))
         times = "" if one["times"] == "1" else f", to be multiplied by {one['times']}"
-        line = _trace("", EFFECT, factor * np.array(one["knots"]), values, mode="lines+markers") | {
-            "error_y": {"type": "data", "array": numbers(std_devs), "color": EFFECT, "thickness": 1}
-        }
+        line = _trace("", EFFECT, factor * np.array(one["knots"]), values, mode="lines+markers")
+        bars = {"type": "data", "array": numbers(std_devs), "color": EFFECT, "thickness": 1}
+        line["error_y"] = bars
         out.append(
             Picture(
                 f"{key}-{place}",
                 f"{title}{times}: values at its knots, with their standard deviations",
                 f"From {plain(values.min())} to {plain(values.max())} {force}.",
-                description([line], f"{one['variable']} [{unit}]", f"[{force}]"),
+                description(
+                    [line | {"error_y": bars}], f"{one['variable']} [{unit}]", f"[{force}]"
+                ),
             )
         )
     return tuple(out)
 
 
 def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Picture, ...]:
-    judged = finding.judged
-    effect = _beside(diagnosis, finding)
-    shown, joint = _shown(diagnosis, effect), finding.candidate.joint
-    if joint is not None:  # not those that carry its joint
-        shown = np.where(
-            np.arange(len(shown)) % len(diagnosis.joints) == diagnosis.joints.index(joint),
-            shown,
-            0.0,
-        )
-    channel = int(np.argmax(shown))
+    """The effect over what it follows, its gains by fold, and the force on a held-out recording."""
+    judged, evidence, joints = finding.judged, diagnosis.training, diagnosis.joints
+    left = np.maximum(evidence.rms(evidence.residual(diagnosis.after)), TINY)
+    effect = _beside(diagnosis, finding, left)
+    shown = evidence.used.sum(axis=0) * (evidence.rms(effect) / left) ** 2
+    own = judged.shaped.joints(joints) if finding.candidate.joint else range(len(joints))
+    carried = ~np.isin(np.arange(len(shown)) % len(joints), list(own))
+    channel = int(np.argmax(np.where(carried, 0.0, shown)))
     follows = finding.candidate.effect.follows or WHATEVER
     return (
         *(
             _signature(diagnosis, f"signature-{number}-{place}", effect, channel, variable)
             for place, variable in enumerate(follows)
         ),
-        folds(
-            number,
-            judged.fold_names,
-            judged.held_out,
-            {run.source for run in diagnosis.training.runs},
-        ),
-        _held_out(diagnosis, f"force-{number}", channel % len(diagnosis.joints)),
+        folds(number, judged.fold_names, judged.held_out, set(evidence.sources)),
+        _held_out(diagnosis, f"force-{number}", channel % len(joints)),
     )
+
+
+def _beside(diagnosis: Diagnosis, finding: Finding, left: np.ndarray) -> np.ndarray:
+    """The part of a finding (n, c) that neither the model nor the other findings explain."""
+    evidence, shaped = diagnosis.training, finding.judged.shaped
+    others = [
+        one.judged.shaped.columns for one in diagnosis.findings if one.judged.shaped is not shaped
+    ]
+    known = 0 if evidence.keeps else len(diagnosis.before.parameters)
+    rest = np.concatenate([evidence.base[:, :, :known], *others], axis=2)
+    effect = shaped.columns @ finding.added
+    weight = np.broadcast_to(1.0 / left, effect.shape)[evidence.used]
+    columns = rest[evidence.used] * weight[:, np.newaxis]
+    return effect - rest @ least_squares(columns, effect[evidence.used] * weight)
 
 
 def _signature(
@@ -205,7 +194,7 @@ def _signature(
     """The residual of a channel with an effect (n, c) and without, over what it depends on."""
     evidence, j = diagnosis.training, channel % len(diagnosis.joints)
     used, joint = evidence.used[:, channel], diagnosis.joints[j]
-    after = residual(evidence, diagnosis.after)[used, channel]
+    after = evidence.residual(diagnosis.after)[used, channel]
     before = after + effect[used, channel]
     unit, factor = _unit(diagnosis, variable, joint)
     force, _ = _unit(diagnosis, "force", joint)
@@ -215,14 +204,19 @@ def _signature(
     zone = list(Zone)[channel // len(diagnosis.joints)].value
     thin = np.unique(np.linspace(0, len(x) - 1, min(CLOUD_POINTS, len(x))).astype(int))
     order = thin[np.argsort(x[thin])]
-    data = [
-        points("before", BEFORE, "circle", x[order], before[order]),
-        points("after", AFTER, "x", x[order], after[order]),
-    ]
+    data = []
+    for name, colour, symbol, y in (
+        ("before", BEFORE, "circle", before),
+        ("after", AFTER, "x", after),
+    ):
+        marker = {"symbol": symbol, "color": colour, "size": 4, "opacity": 0.55}
+        cloud = _trace(name, colour, x[order], y[order], mode="markers") | {"marker": marker}
+        data.append({key: value for key, value in cloud.items() if key != "line"})
     for name, dash, which in (("forwards", "solid", forwards), ("backwards", "dash", ~forwards)):
         if which.any():
-            means = _means(x[which], (before - after)[which])
-            data.append(_trace(f"added, {name}", EFFECT, *means, dash=dash))
+            means, edges, _ = binned_statistic(x[which], (before - after)[which], bins=CLOUD_MEANS)
+            there, centres = np.isfinite(means), (edges[1:] + edges[:-1]) / 2.0
+            data.append(_trace(f"added, {name}", EFFECT, centres[there], means[there], dash=dash))
     return Picture(
         key,
         f"The residual {zone} without this effect and with it, against the {about}. Lines: the "
@@ -235,12 +229,13 @@ def _signature(
 
 
 def folds(number: int, names: Sequence[str], gains: np.ndarray, recordings: set[str]) -> Picture:
-    """What an effect gains on training data that is left out of the fit in turn."""
+    """Gains of an effect on training data that is left out of the fit in turn."""
     whole = set(names) <= recordings
     part = "training recording" if whole else "part of the training data"
-    ends = span(gains)
+    ends, axis = span(gains), dict[str, Any]()
     caption = [f"Does it help on each {part}, left out of the fit in turn?"]
     if ends is not None:
+        axis = {"range": list(ends), "autorange": False}
         beyond = np.flatnonzero((gains < ends[0]) | (gains > ends[1]))
         far = [f"{i + 1} reaches {plain(gains[i])}" for i in beyond]
         caption.append(f"The axis is cut: {listed(far)}.")
@@ -248,12 +243,28 @@ def folds(number: int, names: Sequence[str], gains: np.ndarray, recordings: set[
     if unknown:
         caption.append(f"Not asked: {listed(unknown)}, without which it is not determined.")
     told = [plain(gain) if np.isfinite(gain) else "not asked" for gain in gains]
-    return Picture(
-        f"folds-{number}",
-        " ".join(caption),
-        f"Gains: {', '.join(told)}.",
-        fold_bars(names, gains, f"{part} left out of the fit"),
-    )
+    bars = {
+        "type": "bar",
+        "x": [str(number + 1) for number in range(len(names))],
+        "y": numbers(gains),
+        "customdata": list(names),
+        "marker": {"color": [AFTER if gain > 0 else BEFORE for gain in gains]},
+        "hovertemplate": "%{customdata}: %{y:.4~r}<extra></extra>",
+    }
+    chart = description([bars], f"{part} left out of the fit", "gain (2 Δ log likelihood)")
+    chart["layout"]["xaxis"] |= {"type": "category"}
+    chart["layout"]["yaxis"] |= axis
+    return Picture(f"folds-{number}", " ".join(caption), f"Gains: {', '.join(told)}.", chart)
+
+
+def span(values: np.ndarray) -> tuple[float, float] | None:
+    """Ends of an axis that single values far beyond the others do not stretch; None for all."""
+    finite = values[np.isfinite(values)]
+    reach = STRETCHING_MEDIANS * float(np.median(np.abs(finite))) if len(finite) else 0.0
+    if not reach or np.abs(finite).max() <= reach:
+        return None
+    cut = np.where(np.abs(finite) <= reach, finite, reach * np.sign(finite)).tolist()
+    return min(0.0, *cut), max(0.0, *cut)
 
 
 def _held_out(diagnosis: Diagnosis, key: str, j: int) -> Picture:
@@ -268,13 +279,13 @@ def _held_out(diagnosis: Diagnosis, key: str, j: int) -> Picture:
     shown = np.flatnonzero(inside)[np.abs(time - middle) <= WINDOW / 2.0]
     gone = np.where(held_out.used[shown, j], 0.0, np.nan)  # a gap where the joint turns
     before, after = (
-        residual(held_out, model)[shown, j] + gone
+        held_out.residual(model)[shown, j] + gone
         for model in (diagnosis.before, diagnosis.gap.carried)
     )
     unit, _ = _unit(diagnosis, "force", diagnosis.joints[j])
     data = [
-        _trace(name, colour, held_out.time[shown], values, 1.3, DASHES.get(colour, "solid"))
-        for name, colour, values in (("before", BEFORE, before), ("after", AFTER, after))
+        _trace("before", BEFORE, held_out.time[shown], before, 1.3, "dot"),
+        _trace("after", AFTER, held_out.time[shown], after, 1.3),
     ]
     return Picture(
         key,
@@ -293,41 +304,14 @@ def _sizes(before: np.ndarray, after: np.ndarray, unit: str) -> str:
 
 
 def _unit(diagnosis: Diagnosis, variable: Variable, joint: str) -> tuple[str, float]:
-    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
-    return human(unit_of(variable, joint, setting, counts))
-
-
-def _beside(diagnosis: Diagnosis, finding: Finding) -> np.ndarray:
-    """The part of a finding (n, c) that neither the model nor the other findings explain."""
-    evidence, shaped = diagnosis.training, finding.judged.shaped
-    others = [
-        one.judged.shaped.columns for one in diagnosis.findings if one.judged.shaped is not shaped
-    ]
-    known = 0 if evidence.keeps else len(diagnosis.before.parameters)
-    rest = np.concatenate([evidence.base[:, :, :known], *others], axis=2)
-    effect = shaped.columns @ finding.added
-    weight = np.broadcast_to(1.0 / _rms_left(diagnosis), effect.shape)[evidence.used]
-    columns = rest[evidence.used] * weight[:, np.newaxis]
-    return effect - rest @ least_squares(columns, effect[evidence.used] * weight)
-
-
-def _shown(diagnosis: Diagnosis, effect: np.ndarray) -> np.ndarray:
-    """Energy (c,) of an effect (n, c) in each channel, in units of the residual."""
     evidence = diagnosis.training
-    return evidence.used.sum(axis=0) * (evidence.rms(effect) / _rms_left(diagnosis)) ** 2
-
-
-def _rms_left(diagnosis: Diagnosis) -> np.ndarray:
-    """Root mean square (c,) of the residual in each channel; never 0."""
-    evidence = diagnosis.training
-    left = evidence.rms(residual(evidence, diagnosis.after))
-    return np.maximum(left, np.finfo(float).tiny)
+    return human(evidence.unit(unit_of(variable, joint, evidence.model.setting)))
 
 
 # Charts.
 
 
-def description(data: Sequence[Mapping[str, Any]], x: str, y: str, **more: Any) -> dict[str, Any]:
+def description(data: Sequence[Mapping[str, Any]], x: str, y: str) -> dict[str, Any]:
     """Traces over one pair of axes with these titles."""
     legend = LEGEND_HEIGHT if len(data) > 1 else 0
     title = {"text": y, "x": 0, "xref": "paper", "xanchor": "left", "xshift": -52, "y": 1}
@@ -347,47 +331,7 @@ def description(data: Sequence[Mapping[str, Any]], x: str, y: str, **more: Any) 
         "yaxis": axis_style(),
         "annotations": [title | {"font": {"size": 12, "color": "--ink", "family": "--sans"}}],
     }
-    for name, value in more.items():
-        layout[name] = layout[name] | value if name in layout else value
     return {"data": list(data), "layout": layout}
-
-
-def points(name: str, colour: str, symbol: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
-    """A trace of small marks, without a line between them."""
-    trace = _trace(name, colour, x, y, mode="markers")
-    del trace["line"]
-    return trace | {"marker": {"symbol": symbol, "color": colour, "size": 4, "opacity": 0.55}}
-
-
-def span(values: np.ndarray) -> tuple[float, float] | None:
-    """Ends of an axis that single values far beyond the others do not stretch; None for all."""
-    finite = values[np.isfinite(values)]
-    reach = STRETCHING_MEDIANS * float(np.median(np.abs(finite))) if len(finite) else 0.0
-    if not reach or np.abs(finite).max() <= reach:
-        return None
-    inside = finite[np.abs(finite) <= reach]
-    cut = [reach * np.sign(value) for value in finite if abs(value) > reach]
-    return min(0.0, *inside, *cut), max(0.0, *inside, *cut)
-
-
-def fold_bars(names: Sequence[str], gains: np.ndarray, what: str) -> dict[str, Any]:
-    """What the effect gains on each fold; `what` these are."""
-    bars = {
-        "type": "bar",
-        "x": [str(number + 1) for number in range(len(names))],
-        "y": numbers(gains),
-        "customdata": list(names),
-        "marker": {"color": [AFTER if gain > 0 else BEFORE for gain in gains]},
-        "hovertemplate": "%{customdata}: %{y:.4~r}<extra></extra>",
-    }
-    ends = span(gains)
-    return description(
-        [bars],
-        what,
-        "gain (2 Δ log likelihood)",
-        xaxis={"type": "category"},
-        yaxis={} if ends is None else {"range": list(ends), "autorange": False},
-    )
 
 
 def numbers(values: np.ndarray) -> list[float | None]:
@@ -413,10 +357,3 @@ def _trace(
         "line": {"color": colour, "width": width, "dash": dash},
         "hovertemplate": f"%{{y:.4~r}}<extra>{name}</extra>",
     }
-
-
-def _means(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centres of bins over x (n,), and the mean of y (n,) in each; empty bins are left out."""
-    means, edges, _ = binned_statistic(x, y, bins=CLOUD_MEANS)
-    there = np.isfinite(means)
-    return ((edges[1:] + edges[:-1]) / 2.0)[there], means[there]

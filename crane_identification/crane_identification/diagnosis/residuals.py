@@ -1,44 +1,32 @@
-"""What a model leaves: where it sits, and what is known of it if nothing is named."""
+"""The residual of a model: its place, and its signatures if nothing is named."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.data.column_map import COUNTS
-from crane_identification.diagnosis.decision.judgement import Judged, held_out_gains
-from crane_identification.diagnosis.decision.signatures import signatures
-from crane_identification.diagnosis.findings import (
-    FoundCurve,
-    FoundDifference,
-    FoundRegion,
-    NearbySignature,
-    UnknownPlace,
-)
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis import findings as schema
+from crane_identification.diagnosis.constants import (
+    DIFFERING_RATIO,
     MOST_SHARE,
+    SLIGHT_SHARE,
     VISIBLE_SHARE,
+)
+from crane_identification.diagnosis.evidence import (
+    QUANTITIES,
+    TINY,
     Evidence,
     Features,
     beside,
     normed,
-    way_since_turned,
 )
-from crane_identification.diagnosis.fit.fit import Fitted
-from crane_identification.diagnosis.proof.gap import Gap
-from crane_identification.diagnosis.proof.proof import Trial
-from crane_identification.diagnosis.search.search import (
-    ForceSignature,
-    Search,
-    explained,
-    strength_on,
-    strengths,
-    unexplained,
-    unexplained_on_joints,
-    widened,
-)
-from crane_identification.diagnosis.search.selection import NOTHING
-from crane_identification.thresholds import Thresholds
+from crane_identification.diagnosis.fit import Fitted
+from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.judgement import Judged, held_out_gains
+from crane_identification.diagnosis.projection import NOTHING
+from crane_identification.diagnosis.proof import Trial
+from crane_identification.diagnosis.search import ForceSignature, Search
+from crane_identification.diagnosis.signatures import signatures
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms import Setting, Term
@@ -53,50 +41,10 @@ OF_NO_JOINT: frozenset[Variable] = frozenset(
         *("slew velocity", "temperature", "time", "recording"),
     }
 )
-_BY = "a plot against it"
-_QUANTITIES: dict[str, tuple[str, Callable[[Record, int], np.ndarray] | None]] = {
-    "position": ("{q}", lambda record, j: record.position[:, j]),
-    "velocity": ("{q}/s", lambda record, j: record.velocity[:, j]),
-    "acceleration": ("{q}/s2", lambda record, j: record.acceleration[:, j]),
-    "way": ("{q}", None),
-    "way since it turned": (
-        "{q}",
-        lambda record, j: way_since_turned(record.position[:, j], record.velocity[:, j]),
-    ),
-    "force": ("{f}", lambda record, j: record.needed("force", _BY)[:, j]),
-    "force against the motion": (
-        "{f}",
-        lambda record, j: record.needed("force", _BY)[:, j] * record.direction[:, j],
-    ),
-    "rate of the force": ("{f}/s", lambda record, j: _rate_of_force(record)[:, j]),
-    "lead": ("s", None),
-    "pressure sum": (
-        "Pa",
-        lambda record, j: (record.needed("pressure_a", _BY) + record.needed("pressure_b", _BY))[
-            :, j
-        ],
-    ),
-    "pressure of chamber B": ("Pa", lambda record, j: record.needed("pressure_b", _BY)[:, j]),
-    "valve command": ("1", None),
-    "extension of the telescope": ("m", None),
-    "inclination of the telescope": ("rad", None),
-    "slew velocity": ("rad/s", lambda record, j: record.needed("slew_velocity", _BY)),
-    "temperature": ("°C", lambda record, j: record.needed("temperature", _BY)),
-    "time": ("s", lambda record, j: record.time),
-    "recording": ("1", None),
-}
-"""Units, with those of the coordinate {q} and the force {f} of a joint, and how they are read."""
-
-
-def _rate_of_force(record: Record) -> np.ndarray:
-    known = record.force_rate
-    return record.rate(record.needed("force", _BY)) if known is None else known
 
 
 def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
-    """A variable (n,) of joint number j on the rows of the evidence. `DataError` if it was not
-    recorded, `ConfigurationError` if the machine is not of its kind.
-    """
+    """A variable (n,) of joint number j on the rows of the evidence; errors as of `read`."""
     if variable == "recording":
         return evidence.bag + 1.0
     setting = evidence.model.setting
@@ -106,8 +54,8 @@ def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
 
 
 def read(variable: Variable, record: Record, setting: Setting, j: int) -> np.ndarray:
-    """A variable (n,) of joint number j at the samples of a record; errors as of `on_rows`."""
-    _, reader = _QUANTITIES[variable]
+    """A variable of a joint at the samples; `DataError` or `ConfigurationError` without it."""
+    _, reader = QUANTITIES[variable]
     if reader is not None:
         return reader(record, j)
     if setting.machine is None:
@@ -120,29 +68,27 @@ def read(variable: Variable, record: Record, setting: Setting, j: int) -> np.nda
     return both[variable]
 
 
-def unit_of(name: str, joint: str | None, setting: Setting, counts: bool = False) -> str:
-    """The unit of a quantity by its name without the joint; `counts` where sensors give these."""
+def unit_of(name: str, joint: str | None, setting: Setting) -> str:
+    """The unit of a quantity by its name without the joint."""
     q = setting.units.get(joint or "", "")
     f = setting.force_unit(joint) if q and joint else ""
-    unit = _QUANTITIES[name][0].format(q=q, f=f)
-    return COUNTS if counts and unit not in ("1", "s", "°C") else unit
+    return QUANTITIES[name][0].format(q=q, f=f)
 
 
-def feature_unit(feature: str, setting: Setting, counts: bool = False) -> str:
+def feature_unit(feature: str, setting: Setting) -> str:
     """The unit of a quantity that a learner knows, as "velocity of outer_boom"."""
     name, _, about = feature.partition(" of ")
-    return unit_of(name, about.split()[0] if about else None, setting, counts)
+    return unit_of(name, about.split()[0] if about else None, setting)
 
 
 # Where a residual sits: the quantity that it follows, and the range that carries most of it.
 
 REGION_BINS = 10
-UNCHANGED_ERROR = 0.95  # of an error, above which effects did not lessen it
 
 
 def region(
-    known: Features, residual: np.ndarray, used: np.ndarray, setting: Setting, counts: bool = False
-) -> FoundRegion | None:
+    known: Features, residual: np.ndarray, used: np.ndarray, setting: Setting
+) -> schema.FoundRegion | None:
     """The quantity whose value says most about the residual (n,) of one joint, by the correlation
     ratio over bins of equal numbers of rows, and the narrowest run of bins with half of the energy;
     None without rows.
@@ -151,6 +97,7 @@ def region(
         return None
     best, chosen = -1.0, None
     energy = residual[used] ** 2
+    total = max(float(energy.sum()), TINY)
     for column, name in enumerate(known.names):
         values = known.values[used, column]
         edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, REGION_BINS + 1)))
@@ -159,45 +106,36 @@ def region(
         place = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
         count = np.maximum(np.bincount(place, minlength=len(edges) - 1), 1)
         mean = np.bincount(place, residual[used], len(edges) - 1) / count
-        power = np.bincount(place, energy, len(edges) - 1)
-        between = float((count * mean**2).sum() / max(energy.sum(), np.finfo(float).tiny))
+        between = float((count * mean**2).sum() / total)
         if between > best:
-            best, chosen = between, (name, edges, power)
+            best, chosen = between, (name, edges, np.bincount(place, energy, len(edges) - 1))
     if chosen is None:
         return None
     name, edges, power = chosen
-    low, high, share = _narrowest(edges, power)
-    unit = feature_unit(name, setting, counts)
-    return FoundRegion(variable=name, range=(low, high), unit=unit, share=share)
-
-
-def _narrowest(edges: np.ndarray, power: np.ndarray) -> tuple[float, float, float]:
-    total = max(float(power.sum()), np.finfo(float).tiny)
     for width in range(1, len(power) + 1):
-        sums = np.convolve(power, np.ones(width), "valid") / total
-        if sums.max() >= MOST_SHARE or width == len(power):
-            first = int(sums.argmax())
-            return float(edges[first]), float(edges[first + width]), float(sums.max())
-    raise AssertionError("the whole range carries everything")
+        shares = np.convolve(power, np.ones(width), "valid") / max(float(power.sum()), TINY)
+        if shares.max() >= MOST_SHARE:
+            break
+    first, unit = int(shares.argmax()), feature_unit(name, setting)
+    ends = float(edges[first]), float(edges[first + width])
+    return schema.FoundRegion(variable=name, range=ends, unit=unit, share=float(shares.max()))
 
 
-def regions(fit: Fitted, trial: Trial) -> tuple[FoundRegion | None, ...]:
-    """Where the residual of each joint sits."""
-    known, used = fit.evidence.moving.known, fit.evidence.used
-    setting, counts = fit.before.setting, bool(fit.uncalibrated)
-    return tuple(
-        region(known, trial.residual[:, j], used[:, j], setting, counts)
-        for j in range(len(fit.before.joints))
-    )
+def regions(fit: Fitted, trial: Trial) -> list[schema.FoundRegion | None]:
+    """The region of the residual of each joint."""
+    evidence, out = fit.evidence, list[schema.FoundRegion | None]()
+    for j in range(len(evidence.joints)):
+        residual, used = trial.residual[:, j], evidence.used[:, j]
+        found = region(evidence.moving.known, residual, used, fit.before.setting)
+        out.append(found and found.model_copy(update={"unit": evidence.unit(found.unit)}))
+    return out
 
 
 def energy_shares(evidence: Evidence, trial: Trial, gap: Gap) -> np.ndarray:
-    """Share (j,) of the energy beyond noise that each joint carries; none if the error is no larger
-    than the scatter between periods, and no effect lessens it.
-    """
+    """Share (j,) of the energy beyond noise on each joint, if it is no scatter of periods."""
     channels = np.maximum(trial.energy - evidence.used.sum(axis=0), 0.0)
     beyond = channels.reshape(-1, len(evidence.joints)).sum(axis=0)
-    noise = (gap.largest_before <= gap.floor) & (gap.after > UNCHANGED_ERROR * gap.before)
+    noise = (gap.largest_before <= gap.floor) & (gap.after > (1.0 - SLIGHT_SHARE) * gap.before)
     beyond = np.where(noise & ~noise.all(), 0.0, beyond)
     total = float(beyond.sum())
     return beyond / total if total > 0.0 else np.zeros_like(beyond)
@@ -206,76 +144,60 @@ def energy_shares(evidence: Evidence, trial: Trial, gap: Gap) -> np.ndarray:
 # What is known of an unknown force: size, what it may follow, and in which recordings.
 
 LISTED_SIGNATURES = 3  # the best ones
-DIFFERING_RATIO = 2.0  # times the median of the recordings, from which one differs
-SINGULAR_SHARE = 1e-8  # of the largest eigenvalue, up to which a combination of columns is none
+SINGULAR_POWER = 1e-8  # of the largest eigenvalue, up to which a combination of columns is none
 
 
-def unknown_force(search: Search, j: int, counts: bool = False) -> UnknownPlace:
-    """What is known of the residual of joint number j before anything is added; with `counts`, in
-    units of sensors that are not calibrated.
-    """
-    joint, beyond = search.evidence.joints[j], float(unexplained_on_joints(search, NOTHING)[j])
-    near = [_near(search, one, beyond, counts) for one in signatures(search, joint)]
+def unknown_force(search: Search, j: int) -> schema.UnknownPlace:
+    """The residual of joint number j before anything is added: size, signatures, recordings."""
+    joint, beyond = search.evidence.joints[j], float(search.unexplained_on_joints(NOTHING)[j])
+    near = [_near(search, one, beyond) for one in signatures(search, joint)]
     near.sort(key=lambda one: -(one.explained_share or 0.0))
-    return UnknownPlace(
+    return schema.UnknownPlace(
         joint=joint,
-        relative_magnitude=float(strengths(search, unexplained(search, NOTHING))[j]),
+        relative_magnitude=float(search.strengths(search.unexplained(NOTHING))[j]),
         signatures=near[:LISTED_SIGNATURES],
         recordings=_differing(search, j),
-        difference=_difference(search, j, beyond, counts),
+        difference=_difference(search, j, beyond),
     )
 
 
 def left_elsewhere(
-    search: Search,
-    effects: Sequence[Judged],
-    threshold: float,
-    thresholds: Thresholds,
-    counts: bool = False,
-) -> tuple[UnknownPlace, ...]:
-    """What `effects` leave on each joint where none of them acts, largest first, if one of its
-    signatures explains more than the `threshold` and more than the errors of the processing.
-    """
+    search: Search, effects: Sequence[Judged], threshold: float
+) -> list[schema.UnknownPlace]:
+    """Unknown forces on joints where no effect acts, largest first, if they are strong."""
     joints = search.evidence.joints
     acted = {j for one in effects for j in one.shaped.joints(joints)}
-    elsewhere = [j for j in range(len(joints)) if j not in acted]
-    if not elsewhere:
-        return ()
-    left = widened(search, np.concatenate([one.shaped.columns for one in effects], axis=2))
-    beyond = unexplained_on_joints(left, NOTHING)
+    if len(acted) == len(joints):
+        return []
+    left = search.widened(np.concatenate([one.shaped.columns for one in effects], axis=2))
+    beyond = left.unexplained_on_joints(NOTHING)
     found = []
-    for j in elsewhere:
-        gains = [explained(left, one.columns) for one in signatures(left, joints[j])]
+    for j in sorted(set(range(len(joints))) - acted):
+        gains = [left.explained(one.columns) for one in signatures(left, joints[j])]
         most = min(max(gains, default=0.0), float(beyond[j]))
-        strong = strength_on(left, most, j) >= thresholds.gates.smallest_strength
-        if most > threshold and strong:
-            found.append(unknown_force(left, j, counts))
-    return tuple(sorted(found, key=lambda one: -(one.relative_magnitude or 0.0)))
+        if most > threshold and left.is_strong(most, j):
+            found.append(unknown_force(left, j))
+    return sorted(found, key=lambda one: -(one.relative_magnitude or 0.0))
 
 
 def curves_of(
-    term: Term, joint: str, setting: Setting, values: np.ndarray, std_devs: np.ndarray, counts: bool
-) -> list[FoundCurve]:
+    evidence: Evidence, term: Term, values: Iterable[float], std_devs: Iterable[float]
+) -> list[schema.FoundCurve]:
     """The nonparametric curves of a term, one for each factor, by its `values` (k,)."""
-    parameters = term.parameters(setting)
-    pairs = zip(term.curves(values), term.curves(std_devs), strict=True)
+    setting, joint = evidence.model.setting, term.only_joint
+    curves, spreads = (term.curves(np.array(list(one))) for one in (values, std_devs))
     return [
-        FoundCurve(
+        schema.FoundCurve(
             variable=curve.variable,
-            variable_unit=unit_of(curve.variable, joint, setting, counts),
+            variable_unit=evidence.unit(unit_of(curve.variable, joint, setting)),
             knots=list(curve.knots),
             values=curve.values.tolist(),
             std_devs=spread.values.tolist(),
-            unit=as_counted(parameters[k].unit, counts),
+            unit=evidence.unit(parameter.unit),
             times=curve.times,
         )
-        for k, (curve, spread) in enumerate(pairs)
+        for curve, spread, parameter in zip(curves, spreads, term.parameters(setting), strict=False)
     ]
-
-
-def as_counted(unit: str, counts: bool) -> str:
-    """The unit of a parameter if sensors give counts."""
-    return COUNTS if counts and unit != "1" else unit
 
 
 class Solved(NamedTuple):
@@ -289,30 +211,24 @@ class Solved(NamedTuple):
 def solved(search: Search, rest: np.ndarray) -> Solved:
     """Least squares of whitened columns (N, k), of which there is this `rest` beside the base."""
     scaled, norms = normed(rest)
-    spread = np.linalg.pinv(scaled.T @ scaled, rcond=SINGULAR_SHARE, hermitian=True)
+    spread = np.linalg.pinv(scaled.T @ scaled, rcond=SINGULAR_POWER, hermitian=True)
     score = scaled.T @ search.base.residual
     std_devs = np.sqrt(np.maximum(np.diag(spread), 0.0)) / norms
     return Solved(spread @ score / norms, std_devs, float(score @ spread @ score))
 
 
-def _near(search: Search, one: ForceSignature, beyond: float, counts: bool) -> NearbySignature:
+def _near(search: Search, one: ForceSignature, beyond: float) -> schema.NearbySignature:
     gains, _ = held_out_gains(search, (), one.columns)
     asked = gains[np.isfinite(gains)]
-    return NearbySignature(
+    best = solved(search, search.beside(one.columns))
+    return schema.NearbySignature(
         signature=one.said,
         effects=list(one.types),
-        explained_share=min(explained(search, one.columns) / max(beyond, 1.0), 1.0),
+        explained_share=min(search.explained(one.columns) / max(beyond, 1.0), 1.0),
         better=int((asked > 0.0).sum()),
         asked=len(asked),
-        curves=_best_curves(search, one, counts),
+        curves=curves_of(search.evidence, one.term, best.values, best.std_devs),
     )
-
-
-def _best_curves(search: Search, one: ForceSignature, counts: bool) -> list[FoundCurve]:
-    best = solved(search, beside(search.base.basis, search.whitener(one.columns)))
-    setting = search.evidence.model.setting
-    joint = one.term.only_joint or ""
-    return curves_of(one.term, joint, setting, best.values, best.std_devs, counts)
 
 
 def _differing(search: Search, j: int) -> dict[str, float]:
@@ -322,39 +238,32 @@ def _differing(search: Search, j: int) -> dict[str, float]:
     bag = evidence.bag[white.row[own]]
     power = np.bincount(bag, search.base.residual[own] ** 2, len(evidence.sources))
     rms = np.sqrt(power / np.maximum(np.bincount(bag, minlength=len(evidence.sources)), 1))
-    middle = max(float(np.median(rms)), np.finfo(float).tiny)
+    middle = max(float(np.median(rms)), TINY)
     pairs = zip(evidence.sources, (rms / middle).tolist(), strict=True)
     return {name: ratio for name, ratio in pairs if ratio > DIFFERING_RATIO}
 
 
-def _difference(search: Search, j: int, beyond: float, counts: bool) -> FoundDifference | None:
-    """The parameter whose column explains most of joint number j if each recording has its own
-    value; None if that is less than most of the energy `beyond` noise.
-    """
+def _difference(search: Search, j: int, beyond: float) -> schema.FoundDifference | None:
+    """The parameter that explains most of joint number j if each recording has a value of it."""
     evidence, white = search.evidence, search.whitener
     parameters, sources = evidence.model.parameters, evidence.sources
     own = white.channel % len(evidence.joints) == j
     columns = white(evidence.base[:, :, : len(parameters)]) * own[:, np.newaxis]
     there = evidence.bag[white.row][:, np.newaxis] == np.arange(len(sources))
-    tried = {
-        int(i): _changes(search, columns[:, [i]] * there)
-        for i in np.flatnonzero(columns.any(axis=0))
-    }
+    tried = {}
+    for i in np.flatnonzero(columns.any(axis=0)).tolist() if len(sources) > 1 else ():
+        each = columns[:, [i]] * there
+        rest = beside(search.base.basis, each)
+        hidden = np.linalg.norm(rest, axis=0) <= VISIBLE_SHARE * np.linalg.norm(each, axis=0)
+        tried[i] = solved(search, np.where(hidden, 0.0, rest))
     i = max(tried, key=lambda number: tried[number].gain, default=-1)
-    if len(sources) < 2 or i < 0 or tried[i].gain < MOST_SHARE * beyond:
+    if i < 0 or tried[i].gain < MOST_SHARE * beyond:
         return None
     best = tried[i]
-    return FoundDifference(
+    return schema.FoundDifference(
         parameter=parameters[i].name,
-        unit=as_counted(parameters[i].unit, counts),
+        unit=evidence.unit(parameters[i].unit),
         explained_share=min(best.gain / max(beyond, 1.0), 1.0),
         changes=dict(zip(sources, best.values.tolist(), strict=True)),
         std_devs=dict(zip(sources, best.std_devs.tolist(), strict=True)),
     )
-
-
-def _changes(search: Search, columns: np.ndarray) -> Solved:
-    """One column of each recording (N, recordings): values, least from those of all."""
-    rest = beside(search.base.basis, columns)
-    rest[:, np.linalg.norm(rest, axis=0) <= VISIBLE_SHARE * np.linalg.norm(columns, axis=0)] = 0.0
-    return solved(search, rest)

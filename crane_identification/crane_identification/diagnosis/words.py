@@ -9,7 +9,8 @@ from math import isnan, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from crane_identification.diagnosis.search.candidates import NO_LOAD, WHOLE
+from crane_identification.diagnosis.candidates import NO_LOAD, WHOLE
+from crane_identification.diagnosis.constants import SLIGHT_SHARE
 from crane_identification.notation import (
     NARROW_SPACE,
     NONE,
@@ -28,46 +29,34 @@ from crane_model.result_file import QuestionKind
 Content = Mapping[str, Any]
 
 ANSWERS = {
-    "named": "Something is missing, and these recordings say what",
-    "named_and_more": "Something is missing, and these recordings say what; so is something more",
-    "ambiguous": "Something is missing; these recordings cannot tell which of these effects it is",
-    "none": "Nothing is missing that these recordings could show",
-    "unknown": "Something is missing, and it is not an effect of the catalogue",
+    "named": "Something {is}, and these recordings say what",
+    "named_and_more": "Something {is}, and these recordings say what; so {verb} something more",
+    "ambiguous": "Something {is}; these recordings cannot tell which of these effects it is",
+    "none": "Nothing {is} that these recordings could show",
+    "unknown": "Something {is}, and it is {not_in} an effect of the catalogue",
     "insufficient_data": "These recordings do not suffice for an answer",
 }
-CHANGES = ANSWERS | {
-    "named": "Something has changed since the model was made, and these recordings say what",
-    "named_and_more": "Something has changed since the model was made, and these recordings say "
-    "what; so has something more",
-    "ambiguous": "Something has changed since the model was made; these recordings cannot tell "
-    "which of these effects it is",
-    "none": "Nothing has changed since the model was made that these recordings could show",
-    "unknown": "Something has changed since the model was made, and it is neither a value of the "
-    "model nor an effect of the catalogue",
+MISSING = {"is": "is missing", "verb": "is", "not_in": "not"}
+CHANGED = {
+    "is": "has changed since the model was made",
+    "verb": "has",
+    "not_in": "neither a value of the model nor",
 }
-"""What the verdicts say where the values of the model are kept."""
+"""Words of the verdicts if the values of the model are kept."""
 NOISE = {"none", "insufficient_data"}
 """Answers with which the residual is noise, as far as the recordings show."""
 SMALLEST_CLOSED = 1e-4  # share of a model error, below which none of it is closed
-SMALL_SHARE = 0.05  # of what is unexplained, below which a joint is not mentioned
-CLEAR_SHARE = 0.05  # of the energy beyond noise, which speaks against a signature if it is left
 CLEAR_SIGMAS = 3.0  # from which a recording differs from the others
 
 
 class PrintedParameter(NamedTuple):
-    """A parameter as it is printed, or why there is no number. `change`: what was added to the
-    value before, and that one.
-    """
+    """A parameter as it is printed, or why it has no number; `change` from the value before."""
 
     name: str
     value: str
-    std_dev: str
+    deviation: str
     unit: str
     change: str = ""
-
-    @property
-    def deviation(self) -> str:
-        return "" if self.std_dev == NONE else f"± {self.std_dev}"
 
     def __str__(self) -> str:
         parts = (f"{self.name} =", self.value, self.deviation, self.unit)
@@ -97,17 +86,18 @@ def said(text: str, joints: Iterable[str]) -> str:
 
 
 def sentence(text: str) -> str:
-    """With a capital letter, and a full stop where no question ends it."""
+    """The text with a capital letter, and a full stop unless it is a question."""
     return text[:1].upper() + text[1:] + ("" if text.endswith((".", "?")) else ".")
 
 
 def answer(content: Content) -> str:
     """The verdict, in words."""
-    return (CHANGES if content.get("values_kept") else ANSWERS)[content["verdict"]]
+    said = CHANGED if content.get("values_kept") else MISSING
+    return ANSWERS[content["verdict"]].format(**said)
 
 
 def reason(content: Content) -> str:
-    """Why the verdict is what it is."""
+    """The reason for the verdict."""
     return sentence(said(content["reason"], content["where"]))
 
 
@@ -120,9 +110,8 @@ def errors(content: Content) -> Iterator[PrintedError]:
     """The held-out error of each joint."""
     error = content["model_error"]
     for joint, old in error["before"].items():
-        before, after = (
-            percent(_number(side["force_relative_error"])) for side in (old, error["after"][joint])
-        )
+        sides = old, error["after"][joint]
+        before, after = (percent(_number(side["force_relative_error"])) for side in sides)
         closed = _number(error["closed"][joint])
         yield PrintedError(
             spoken(joint),
@@ -134,29 +123,22 @@ def errors(content: Content) -> Iterator[PrintedError]:
         )
 
 
-def motion(content: Content, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+def motion(content: Content, units: Mapping[str, str]) -> Iterator[list[str]]:
     """Errors of the simulated motion of each joint, before and after; coordinates have `units`."""
     error = content["model_error"]
     for joint, old in error["before"].items():
+        sides = (plain(1e3 * _number(one["motion_error"])) for one in (old, error["after"][joint]))
         unit = f"{NARROW_SPACE}m{units[joint]}"
-        before, after = (
-            plain(1e3 * _number(side["motion_error"])) for side in (old, error["after"][joint])
-        )
-        yield (before + (unit if before != NONE else ""), after + (unit if after != NONE else ""))
+        yield [text + (unit if text != NONE else "") for text in sides]
 
 
 def commanded(content: Content) -> Iterator[tuple[str, list[str]]]:
-    """How far ahead, and of each joint the error of the motion from commands over its path."""
+    """The horizon, and the error of each joint from commands over its path."""
     for one in content["model_error"].get("from_commands", ()):
-        shares = [
-            _step(
-                *(
-                    error / path if (error := one[side][joint]) is not None and path else None
-                    for side in ("before", "after")
-                )
-            )
-            for joint, path in one["displacement"].items()
-        ]
+        shares = []
+        for joint, path in one["displacement"].items():
+            errors = one["before"][joint], one["after"][joint]
+            shares.append(_step(*(None if e is None or not path else e / path for e in errors)))
         yield f"{plain(one['horizon'])}{NARROW_SPACE}s", shares
 
 
@@ -185,7 +167,7 @@ def called(finding: Content) -> str:
 
 
 def alone(one: Content) -> str:
-    """One effect and its joint."""
+    """An effect and its joint."""
     return f"{one['name']} ({place(one['joint'])})"
 
 
@@ -197,8 +179,8 @@ def estimate(parameter: Content) -> PrintedParameter:
         for number in (parameter["value"], parameter["std_dev"], parameter.get("minimum"))
     )
     printed = shown(value, deviation, None if isnan(minimum) else minimum)
-    number = not printed.value.startswith(NOT_DETERMINED)
-    deviated = printed.std_dev if number else NONE
+    none = printed.value.startswith(NOT_DETERMINED) or printed.std_dev == NONE
+    deviated = "" if none else f"± {printed.std_dev}"
     change = ""
     if "before" in parameter:
         by, before = (
@@ -234,7 +216,7 @@ def drawn(finding: Content) -> list[str]:
 
 
 def carried(finding: Content) -> list[str]:
-    """Which recordings carry which load, where the effect is one."""
+    """The recordings that carry each load, if the effect is one."""
     words = {NO_LOAD: "no load, from which masses count,"}
     return [
         f"{words.get(name, name)} in {listed(recordings)}"
@@ -244,7 +226,7 @@ def carried(finding: Content) -> list[str]:
 
 
 def magnitude(finding: Content) -> str:
-    """How large an effect is, and how much of it shows; empty where that is not known."""
+    """The size of an effect and of its visible part; empty if unknown."""
     if finding["visible_magnitude"] is None:
         return ""
     visible = short_percent(finding["visible_magnitude"])
@@ -286,7 +268,7 @@ def disagrees(content: Content) -> Iterator[tuple[str, str]]:
     if content["verdict"] in NOISE:
         return
     for joint, one in content["where"].items():
-        if one["energy_share"] > SMALL_SHARE:
+        if one["energy_share"] > SLIGHT_SHARE:
             where = one["region"] and (
                 f", {short_percent(one['region']['share'])} of it with {region(one['region'])}"
             )
@@ -295,7 +277,7 @@ def disagrees(content: Content) -> Iterator[tuple[str, str]]:
 
 
 def left(content: Content) -> str:
-    """What kind of residual is left, and where a systematic one sits."""
+    """The kind of residual that is left, and the region of a systematic one."""
     systematic, errors = [], []
     for joint, one in content["left"].items():
         if one["systematic"]:
@@ -338,7 +320,7 @@ def nearest(content: Content) -> list[str]:
 
 
 def own_terms(content: Content) -> list[str]:
-    """What the user's terms explain that are not named, and why they are not."""
+    """The user's terms that are not named, and why."""
     out = []
     for one in content.get("own_terms", ()):
         if one["tried"]:
@@ -367,7 +349,7 @@ def _tried(near: Content, content: Content) -> list[str]:
 
 
 def unknown_title(content: Content) -> str:
-    """Where an unknown force is, and how large; empty where nothing is unknown."""
+    """The joint and size of an unknown force; empty if nothing is unknown."""
     unknown = content.get("unknown")
     if unknown is None:
         return ""
@@ -377,7 +359,7 @@ def unknown_title(content: Content) -> str:
 
 
 def unknown(content: Content) -> list[str]:
-    """What an unknown force may depend on, what speaks against that, and how recordings differ."""
+    """The signatures of an unknown force with objections, differing recordings, the formula."""
     one = content.get("unknown")
     return [] if one is None else [*_signatures(one), *_recordings(one), *_formula(one)]
 
@@ -401,10 +383,10 @@ def _signatures(unknown: Content) -> Iterator[str]:
 
 
 def _against(one: Content, first: Content) -> str:
-    """What speaks against a signature, beside the first of the list."""
+    """Objections to a signature, beside the first of the list."""
     against = []
     rest = 1.0 - (one["explained_share"] or 0.0)
-    if rest > CLEAR_SHARE:
+    if rest > SLIGHT_SHARE:
         against.append(f"{short_percent(rest)} are left")
     if one["better"] < one["asked"]:
         against.append(f"it predicts {one['asked'] - one['better']} recordings worse")
@@ -547,7 +529,7 @@ def _finding_lines(number: int, finding: Content) -> list[str]:
 
 
 def _step(before: float | None, after: float | None) -> str:
-    """From one share to another, once if both are printed alike."""
+    """A change of a share; one number if both are printed alike."""
     return " → ".join(dict.fromkeys(percent(_number(share)) for share in (before, after)))
 
 

@@ -20,8 +20,8 @@ from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.folders import ANSWER, Folders, done, in_processes, new, read_json
 from crane_benchmark.scores.judgement import AND_MORE, NAMING, BlindAnswer, Place, without_lengths
 from crane_benchmark.scores.summary import Rate, rate
+from crane_identification.diagnosis.candidates import WHOLE
 from crane_identification.diagnosis.diagnosis import diagnose
-from crane_identification.diagnosis.search.candidates import WHOLE
 from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 from crane_model.cli import command_line

@@ -56,7 +56,7 @@ def test_every_field_of_a_result_file_says_what_it_is_and_in_which_unit(kind: Re
 def test_result_files_show_nested_parts_and_units() -> None:
     page = pages_of_result_files()["result_files.md"]
     assert "| `value` | number | Estimate [unit]. |" in page
-    assert "| `frequency` | number | Of the line [Hz]. |" in page
+    assert "| `frequency` | number | Frequency of the line [Hz]. |" in page
     assert "One of `named`, `named_and_more`, `ambiguous`, `none`" in page
     assert "| `polarity` | `-1`, `1` |" in page
 

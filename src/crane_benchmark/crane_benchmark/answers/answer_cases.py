@@ -18,11 +18,11 @@ from crane_benchmark.folders import ANSWER, Folders, done, in_processes, new
 from crane_identification.data.log import Log
 from crane_identification.data.recording_log import read_bag
 from crane_identification.diagnosis.answer import Verdict
-from crane_identification.diagnosis.decision.judgement import null_gains
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Findings
-from crane_identification.diagnosis.proof.gap import OF_PERIODS, OF_SAMPLES
-from crane_identification.diagnosis.search.search import Search, strength
+from crane_identification.diagnosis.gap import OF_PERIODS, OF_SAMPLES
+from crane_identification.diagnosis.judgement import null_gains
+from crane_identification.diagnosis.search import Search
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds, load_thresholds
 from crane_model.errors import CraneError
@@ -308,12 +308,13 @@ def answer_case(job: AnsweringJob) -> None:
 
 def statistics(diagnosis: Diagnosis) -> AnswerStatistics:
     """Statistics of a diagnosis that thresholds limit."""
-    thresholds, learnt, gap = diagnosis.thresholds, diagnosis.proof.before.learnt, diagnosis.gap
+    thresholds, gap = diagnosis.search.thresholds, diagnosis.gap
+    learnt = diagnosis.proof.before.learnt
     quantities = [quantity for flow in diagnosis.flow.found for quantity in flow.quantities]
     null = null_gains(diagnosis.search.projection, [])
     quantile = diagnosis.decision.threshold / thresholds.gates.score_factor
     single = [
-        (subset.gain / quantile, strength(diagnosis.search, subset.numbers[0], subset.gain))
+        (subset.gain / quantile, diagnosis.search.strength(subset.numbers[0], subset.gain))
         for subset in diagnosis.search.sets[1]
     ]
     strong = [score for score, size in single if size >= thresholds.gates.smallest_strength]

@@ -24,8 +24,8 @@ from crane_benchmark.scores.summary import (
     summary,
 )
 from crane_benchmark.scores.truth import CaseTruth, load_truth
+from crane_identification.diagnosis.candidates import LOADS
 from crane_identification.diagnosis.findings import Findings
-from crane_identification.diagnosis.search.candidates import LOADS
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Load
 

@@ -11,9 +11,9 @@ from crane_benchmark.cases.motions import LABORATORY_CRANE, PLANAR_JOINTS
 from crane_benchmark.cases.simulators import Seen, load_seen
 from crane_benchmark.folders import read_json
 from crane_benchmark.scores.judgement import Place
+from crane_identification.diagnosis.candidates import WHOLE, Candidate, Given
 from crane_identification.diagnosis.findings import Findings
 from crane_identification.diagnosis.flow import Usual, load_usual
-from crane_identification.diagnosis.search.candidates import WHOLE, Candidate, Given
 from crane_model.cylinders import lever_arms
 from crane_model.errors import CraneError
 from crane_model.flow import EDGES, asymmetry

@@ -4,10 +4,11 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import Evidence, Run
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import project, whitened_base, whitener
-from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.projection import project, whitened_base, whitener
+from crane_identification.diagnosis.search import Search
+from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY, Setting, single_axis
 
@@ -56,7 +57,7 @@ def search(given: Evidence, candidates: Sequence[ShapedCandidate]) -> Search:
     white = whitener(given, np.concatenate([one.columns for one in candidates], axis=2))
     base = whitened_base(given, white)
     made = project(white, base, candidates)
-    return Search(given, white, base, made, {}, {})
+    return Search(given, load_thresholds(), white, base, made, {}, {})
 
 
 def searched(

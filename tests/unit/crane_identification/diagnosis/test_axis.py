@@ -14,7 +14,6 @@ from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.residuals import regions
-from crane_identification.diagnosis.search.search import left_share
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
@@ -156,9 +155,9 @@ def test_what_effects_leave_where_they_act_is_known(without_coulomb: Diagnosis) 
     """All of them leave noise; the weakest alone leaves most of what the others explain."""
     search = without_coulomb.search
     options = [finding.judged.shaped for finding in without_coulomb.findings]
-    assert abs(left_share(search, options)) < 0.1
-    assert left_share(search, options[-1:]) > 0.5
-    assert left_share(search, []) == 0.0
+    assert abs(search.left_share(options)) < 0.1
+    assert search.left_share(options[-1:]) > 0.5
+    assert search.left_share([]) == 0.0
 
 
 def test_the_extended_model_loads_and_lacks_nothing_more(

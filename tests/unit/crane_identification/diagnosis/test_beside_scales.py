@@ -8,9 +8,9 @@ import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 from unit.crane_identification.diagnosis.test_several import asked, named
 
-from crane_identification.diagnosis.decision import signatures
-from crane_identification.diagnosis.search.search import ForceSignature
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis import signatures
+from crane_identification.diagnosis.search import ForceSignature
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.thresholds import load_thresholds
 
 THRESHOLDS = load_thresholds()
@@ -40,11 +40,9 @@ def test_a_law_of_a_better_signature_has_to_hold(
     like = correlation * A + np.sqrt(1.0 - correlation**2) * B
     made = searched({"hose_stiffness": A, "position_friction": like}, 2.0 * A)
     better = SimpleNamespace(types=("position_friction",), said="")
-    monkeypatch.setattr(signatures, "rival", lambda *_: cast(ForceSignature, better))
+    monkeypatch.setattr(signatures, "_rival", lambda *_: cast(ForceSignature, better))
     selection = ForwardSelection(made)
-    subset, strange = signatures.of_better_signature(
-        selection.search, selection.sets(1)[0], THRESHOLDS
-    )
+    subset, strange = signatures.of_better_signature(selection.search, selection.sets(1)[0])
     (number,) = subset.numbers
     kind = selection.search.projection.candidates[number].candidate.type
     assert kind == ("position_friction" if taken else "hose_stiffness")

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.page import fold_bars, folds, span
+from crane_identification.diagnosis.evidence import counted
+from crane_identification.diagnosis.page import folds, span
 from crane_identification.diagnosis.residuals import feature_unit, unit_of
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
@@ -17,7 +18,7 @@ def test_one_fold_that_explodes_does_not_stretch_the_axis() -> None:
     assert ends is not None
     low, high = ends
     assert -2000.0 < low < -300.0 and high == 315.0
-    axis = fold_bars(BAGS, FIVE_GOOD, "recording")["layout"]["yaxis"]
+    axis = folds(1, BAGS, FIVE_GOOD, set(BAGS)).description["layout"]["yaxis"]
     assert axis["range"] == [low, high] and axis["autorange"] is False
     assert span(FIVE_GOOD[:5]) is None and span(np.full(3, np.nan)) is None
 
@@ -56,6 +57,5 @@ def test_folds_of_training_recordings_are_called_that() -> None:
 def test_every_quantity_of_a_learner_has_a_unit(feature: str, unit: str) -> None:
     setting = load_model(machine_file("model.yaml")).setting
     assert feature_unit(feature, setting) == unit
-    counted = feature_unit(feature, setting, counts=True)
-    assert counted == (unit if unit in ("1", "s", "°C") else "counts")
+    assert counted(unit) == (unit if unit in ("1", "s", "°C") else "counts")
     assert unit_of("rate of the force", "outer_boom", setting) == "N m/s"

@@ -11,16 +11,16 @@ from unit.crane_identification.synthetic import AXIS_THETA, axis_log, crane_mode
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis import page, words
-from crane_identification.diagnosis.decision.decision import decide
+from crane_identification.diagnosis.candidates import candidates_of, changes_of
+from crane_identification.diagnosis.decision import decide
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.fit.evidence import Evidence
-from crane_identification.diagnosis.fit.fit import Training, decimation, kept
-from crane_identification.diagnosis.proof.proof import extended
-from crane_identification.diagnosis.search.candidates import candidates_of, changes_of
-from crane_identification.diagnosis.search.projection import whitened_base, whitener
-from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.fit import Training, decimation, kept
+from crane_identification.diagnosis.projection import whitened_base, whitener
+from crane_identification.diagnosis.proof import extended
+from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.fitting import fit
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
@@ -104,8 +104,8 @@ def test_changes_of_one_joint_are_told_apart(tmp_path: Path) -> None:
     runs = [p for log in recorded(known, 1.0, 1.1, 1.1, 1.2) for p in prepare(known, log, options)]
     evidence = kept(known, runs, decimation(known, runs, None))
     wanted = [*candidates_of(known, evidence), *changes_of(known)]
-    found = search(evidence, wanted)
-    judged = decide(ForwardSelection(found), load_thresholds()).passed
+    found = search(evidence, wanted, load_thresholds())
+    judged = decide(ForwardSelection(found)).passed
     assert {one.shaped.candidate for one in judged} <= set(changes_of(known))
     assert not any(one.indistinct for one in judged)
     _, values = extended(found, known, judged, Training(runs, 1, "all"))
@@ -155,8 +155,8 @@ def test_a_load_in_all_recordings_is_weighed() -> None:
     runs = [
         p for seed in (1, 2) for p in prepare(known, experiment(seed, 1, model=loaded), options)
     ]
-    found = search(kept(known, runs, 20), changes_of(known))
-    judged = decide(ForwardSelection(found), load_thresholds()).passed
+    found = search(kept(known, runs, 20), changes_of(known), load_thresholds())
+    judged = decide(ForwardSelection(found)).passed
     assert [one.shaped.candidate.type for one in judged] == ["payload"]
     after, ((load,),) = extended(found, known, judged, Training(runs, 20, "both"))
     assert load.value == pytest.approx(5.0, abs=4.0 * load.std_dev) and load.std_dev < 0.3

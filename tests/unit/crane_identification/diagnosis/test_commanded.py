@@ -9,9 +9,9 @@ from known_crane import TOLD_LATE, known_model
 from unit.crane_identification.hydraulics.valve_experiments import MACHINE, play, recorded
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis.fit.fit import Fitted, fitted
+from crane_identification.diagnosis.fit import Fitted, fitted
 from crane_identification.diagnosis.flow import examine, load_usual
-from crane_identification.diagnosis.proof.gap import Commanded, commanded
+from crane_identification.diagnosis.gap import Commanded, commanded
 from crane_identification.options import Options
 from crane_identification.report.figures import commanded_figures
 from crane_identification.thresholds import load_thresholds

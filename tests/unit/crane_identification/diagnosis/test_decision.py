@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
-from crane_identification.diagnosis.decision.decision import Decision, decide
-from crane_identification.diagnosis.decision.judgement import Reason, Rejection, null_gains
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.decision import Decision, decide
+from crane_identification.diagnosis.judgement import Reason, Rejection, null_gains
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.thresholds import load_thresholds
 
 A, B, C, D = np.linalg.qr(normal(1, ROWS, 4))[0].T * np.sqrt(ROWS)
@@ -18,7 +18,7 @@ THRESHOLDS = load_thresholds()
 
 
 def decided(found: Search) -> Decision:
-    return decide(ForwardSelection(found), THRESHOLDS)
+    return decide(ForwardSelection(found))
 
 
 def names(decision: Decision) -> list[str]:
@@ -42,7 +42,7 @@ def test_the_search_grows_in_the_race_alone() -> None:
     """What a selection began with stays as it was, and what it ends with cannot change."""
     found = searched({"offset": A, "hose_stiffness": B}, 0.5 * B)
     selection = ForwardSelection(found)
-    decide(selection, THRESHOLDS)
+    decide(selection)
     assert len(found.sets) == 1 < len(selection.search.sets)
     with pytest.raises(FrozenInstanceError):
         selection.search.projection = found.projection  # type: ignore[misc]

@@ -8,13 +8,14 @@ from unit.crane_identification.diagnosis.test_axis import FULL, model
 from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.diagnosis.candidates import wanted
 from crane_identification.diagnosis.findings import UnknownPlace
-from crane_identification.diagnosis.fit.fit import fitted
+from crane_identification.diagnosis.fit import fitted
 from crane_identification.diagnosis.residuals import unknown_force
-from crane_identification.diagnosis.search.candidates import wanted
-from crane_identification.diagnosis.search.search import search
+from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.words import unknown as told
 from crane_identification.options import Options
+from crane_identification.thresholds import load_thresholds
 from crane_model.progress_bar import silent
 
 SEEDS = range(4)  # three recordings to train on
@@ -26,7 +27,7 @@ def of_recordings(folder: Path, more: float) -> UnknownPlace:
     one = model(folder, *FULL)
     logs = [stiffened(axis_log(seed, one, periods=2), more * (seed == STIFFER)) for seed in SEEDS]
     fit = fitted(one, logs[:-1], logs[-1:], Options(), False, silent)
-    return unknown_force(search(fit.evidence, wanted(fit, ())), 0)
+    return unknown_force(search(fit.evidence, wanted(fit, ()), load_thresholds()), 0)
 
 
 def stiffened(log: Log, more: float) -> Log:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis import made
 
-from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.judgement import all_judged, marginal
-from crane_identification.diagnosis.decision.lookalikes import stands_apart
-from crane_identification.diagnosis.decision.signatures import judged_beside
-from crane_identification.diagnosis.search.projection import solve
-from crane_identification.diagnosis.search.search import Drawn, Search, Shapes
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.decision import decide
+from crane_identification.diagnosis.judgement import all_judged, marginal
+from crane_identification.diagnosis.lookalikes import stands_apart
+from crane_identification.diagnosis.projection import solve
+from crane_identification.diagnosis.search import Drawn, Search, Shapes
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.signatures import judged_beside
 from crane_identification.thresholds import load_thresholds
 from crane_model.terms.nonparametric import NonparametricPositionForce, hats
 
@@ -38,7 +38,7 @@ def searched(missing: np.ndarray, second: np.ndarray) -> Search:
 @pytest.mark.parametrize("size", [0.0, 1.0])
 def test_a_weak_effect_is_found_beside_a_shape_that_was_drawn(size: float) -> None:
     """It gains 4 % of what the spring does, and less than the law of the spring leaves."""
-    found = decide(ForwardSelection(searched(9.0 * np.tanh(Q) + size * OTHER, OTHER)), THRESHOLDS)
+    found = decide(ForwardSelection(searched(9.0 * np.tanh(Q) + size * OTHER, OTHER)))
     names = [one.shaped.candidate.effect.name for one in found.passed]
     assert names[0] == "hose stiffness, shape as drawn"
     assert (names[1:] == ["inertia of the actuator"]) is (size > 0.0)
@@ -54,8 +54,8 @@ def test_an_effect_that_made_way_for_another_is_in_no_set_twice() -> None:
     before, after = (solve(selection.search.projection, one) for one in ((number, 0), (number, 1)))
     assert before is not None and after is not None
     selection.go_on_from(before)
-    settled = all_judged(selection.search, before, THRESHOLDS)
-    judged = judged_beside(selection.search, after, settled, THRESHOLDS)
+    settled = all_judged(selection.search, before)
+    judged = judged_beside(selection.search, after, settled)
     assert judged[0] is settled[0]
     assert judged[1].shaped is selection.search.projection.candidates[1]
 
@@ -76,4 +76,4 @@ def test_an_effect_stands_apart_where_the_law_of_the_stronger_one_fits(
     assert subset is not None
     gains = marginal(known, subset)
     assert gains[0] > gains[1] > 60.0
-    assert stands_apart(known, subset, gains, 1, 20.0, THRESHOLDS) is expected
+    assert stands_apart(known, subset, gains, 1, 20.0) is expected

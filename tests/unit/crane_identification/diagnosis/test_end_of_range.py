@@ -9,20 +9,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.decision.judgement import (
-    TIME_BLOCKS,
+from crane_identification.diagnosis.candidates import Candidate, at_shape
+from crane_identification.diagnosis.constants import TIME_BLOCKS
+from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.gap import where_trained
+from crane_identification.diagnosis.judgement import (
     Judged,
     all_judged,
     folds,
     folds_of,
     helps,
 )
-from crane_identification.diagnosis.fit.evidence import CYCLES, Evidence, Run
-from crane_identification.diagnosis.proof.gap import where_trained
-from crane_identification.diagnosis.search.candidates import Candidate, at_shape
-from crane_identification.diagnosis.search.projection import NOTHING, solve
-from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.projection import NOTHING, solve
+from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.signals.gated import CYCLES
 from crane_identification.thresholds import load_thresholds
 from crane_model.machine import load_machine
 from crane_model.model_file import Model
@@ -71,10 +72,10 @@ def evidence(closest: Sequence[float], times: float = 3.0) -> Evidence:
 
 
 def judged(closest: Sequence[float], times: float = 3.0) -> Judged:
-    selection = ForwardSelection(search(evidence(closest, times), [CUSHION]))
+    selection = ForwardSelection(search(evidence(closest, times), [CUSHION], load_thresholds()))
     best = selection.best(1)
     assert best is not None
-    return all_judged(selection.search, best, load_thresholds())[0]
+    return all_judged(selection.search, best)[0]
 
 
 @pytest.mark.parametrize(("closest", "ends"), [(NEAR, ("upper",)), (FAR, ("lower", "upper"))])
@@ -88,15 +89,15 @@ def test_ends_are_those_that_the_recordings_visit(closest: float, ends: tuple[st
 
 
 def test_parameters_of_an_end_that_was_not_visited_are_said_not_to_show() -> None:
-    made = search(evidence([NEAR] * 2), [CUSHION])
+    made = search(evidence([NEAR] * 2), [CUSHION], load_thresholds())
     assert made.unobservable[CUSHION].startswith("f_lower.telescope, h_lower.telescope: no rec")
     assert CUSHION in {one.candidate for one in made.projection.candidates}
-    neither = search(evidence([FAR] * 2), [CUSHION])
+    neither = search(evidence([FAR] * 2), [CUSHION], load_thresholds())
     assert neither.unobservable == {} and CUSHION in neither.untestable
 
 
 def test_a_zone_is_found_from_either_point_of_the_grid_beside_it() -> None:
-    selection = ForwardSelection(search(evidence([NEAR] * 4), [CUSHION]))
+    selection = ForwardSelection(search(evidence([NEAR] * 4), [CUSHION], load_thresholds()))
     candidates = selection.search.projection.candidates
     widest = max(range(len(candidates)), key=lambda k: candidates[k].shape["zone"])
     start = solve(selection.search.projection, (widest,))
@@ -129,7 +130,7 @@ def test_what_happens_once_is_no_law() -> None:
 
 def test_blocks_hold_as_much_of_the_force_each() -> None:
     given = evidence([FAR, FAR, NEAR, FAR, FAR, FAR])
-    made = search(given, [CUSHION])
+    made = search(given, [CUSHION], load_thresholds())
     force = at_shape(given, CUSHION, {"zone": ZONE}).columns[:, :, 1]
     asked = folds_of(given, made.whitener, force)
     assert set(given.bag[asked.fold >= 0].tolist()) == {2}
@@ -157,5 +158,5 @@ def test_a_name_is_held_to_rows_that_see_where_training_went(factor: int) -> Non
 
 
 def test_nothing_is_found_where_nothing_was_visited() -> None:
-    selection = ForwardSelection(search(evidence([FAR] * 4), [CUSHION]))
+    selection = ForwardSelection(search(evidence([FAR] * 4), [CUSHION], load_thresholds()))
     assert selection.best(1) in (None, NOTHING)

@@ -6,23 +6,11 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import MASS, ROWS, normal, searched
 
-from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.projection import NOTHING, solve
-from crane_identification.diagnosis.search.search import (
-    acting,
-    detectable,
-    left_share,
-    named_from,
-    normalized_energy,
-    strength,
-    strengths,
-    unexplained,
-    unexplained_beside,
-)
-from crane_identification.diagnosis.search.search import (
-    testable_share as share_that_shows,
-)
+from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.projection import NOTHING, solve
+from crane_identification.diagnosis.search import Search
 from crane_identification.estimation.autoregression import Autoregression
+from crane_identification.thresholds import load_thresholds
 from crane_model.terms import REGISTRY
 
 A, B = np.linalg.qr(np.random.default_rng(1).standard_normal((ROWS, 2)))[0].T * np.sqrt(ROWS)
@@ -36,10 +24,10 @@ def test_what_is_missing_is_left_until_a_set_explains_it() -> None:
     right, wrong = solve(found.projection, (0,)), solve(found.projection, (1,))
     assert right is not None and wrong is not None
     tolerance = 0.05 * energy
-    assert unexplained(found, NOTHING) == pytest.approx([energy, 0.0], abs=tolerance)
-    assert unexplained(found, right) == pytest.approx([0.0, 0.0], abs=tolerance)
-    assert unexplained_beside(found, wrong, 0) == pytest.approx(energy, abs=tolerance)
-    assert unexplained_beside(found, right, 0) >= 0.0  # less than noise is nothing
+    assert found.unexplained(NOTHING) == pytest.approx([energy, 0.0], abs=tolerance)
+    assert found.unexplained(right) == pytest.approx([0.0, 0.0], abs=tolerance)
+    assert found.unexplained_beside(wrong, 0) == pytest.approx(energy, abs=tolerance)
+    assert found.unexplained_beside(right, 0) >= 0.0  # less than noise is nothing
 
 
 @pytest.mark.parametrize(
@@ -48,7 +36,7 @@ def test_what_is_missing_is_left_until_a_set_explains_it() -> None:
 def test_the_share_that_is_left_is_what_the_others_have(kinds, expected: float) -> None:
     found = searched(BOTH, SIZE * (0.5 * A + B))
     wanted = [found.projection.candidates[kind] for kind in kinds]
-    assert left_share(found, wanted) == pytest.approx(expected, abs=0.05)
+    assert found.left_share(wanted) == pytest.approx(expected, abs=0.05)
 
 
 def test_strength_is_the_rms_of_an_effect_over_that_of_the_force() -> None:
@@ -56,9 +44,9 @@ def test_strength_is_the_rms_of_an_effect_over_that_of_the_force() -> None:
     solved = solve(found.projection, (0,))
     assert solved is not None
     force = np.sqrt(MASS**2 + SIZE**2 + 1.0)
-    assert strength(found, 0, solved.gain) == pytest.approx(SIZE / force, rel=0.1)
+    assert found.strength(0, solved.gain) == pytest.approx(SIZE / force, rel=0.1)
     columns = found.projection.candidates[0].columns
-    assert acting(found.evidence, columns, np.array([SIZE])) == pytest.approx(SIZE / force, rel=0.1)
+    assert found.evidence.acting(columns, np.array([SIZE])) == pytest.approx(SIZE / force, rel=0.1)
 
 
 def test_strength_counts_the_same_rows_of_effect_and_force() -> None:
@@ -69,17 +57,24 @@ def test_strength_counts_the_same_rows_of_effect_and_force() -> None:
     noise = Autoregression(np.ones(1), 1.0)
     search = replace(found, evidence=both, whitener=replace(found.whitener, noise=(noise, noise)))
     columns = np.stack([A, 0.5 * A], axis=1)[:, :, np.newaxis]
-    expected = acting(both, columns, np.array([SIZE]))
+    expected = both.acting(columns, np.array([SIZE]))
     energy = (SIZE * columns[:, :, 0]) ** 2
-    assert strengths(search, energy.sum(axis=0))[0] == pytest.approx(expected)
+    assert search.strengths(energy.sum(axis=0))[0] == pytest.approx(expected)
 
 
 def test_detectable_is_the_strength_that_reaches_the_threshold() -> None:
     """A score of a tenth of the rows is that of an effect with a tenth of the power of noise."""
     found = searched(BOTH, np.zeros(ROWS))
     expected = np.sqrt(0.1) / np.sqrt(MASS**2 + 1.0)
-    assert detectable(found, 0.1 * ROWS) == pytest.approx(expected, rel=0.1)
-    assert detectable(found, 0.4 * ROWS) == pytest.approx(2.0 * detectable(found, 0.1 * ROWS))
+    assert found.detectable(0.1 * ROWS) == pytest.approx(expected, rel=0.1)
+    assert found.detectable(0.4 * ROWS) == pytest.approx(2.0 * found.detectable(0.1 * ROWS))
+
+
+def named_from(made: Search, threshold: float, gate: float) -> float:
+    thresholds = load_thresholds()
+    gates = thresholds.gates.model_copy(update={"smallest_strength": gate})
+    gated = replace(made, thresholds=thresholds.model_copy(update={"gates": gates}))
+    return gated.named_from(threshold)["axis"]
 
 
 def test_an_effect_is_named_from_what_noise_and_gate_permit_of_itself() -> None:
@@ -93,25 +88,25 @@ def test_an_effect_is_named_from_what_noise_and_gate_permit_of_itself() -> None:
     )))  # fmt: skip
     visible, force = found.projection.visibility[0], np.sqrt(MASS**2 + 1.0)
     by_noise = np.sqrt(0.1) / visible / force
-    assert named_from(found, 0.1 * ROWS, 0.0) == {"axis": pytest.approx(by_noise, rel=0.1)}
-    assert named_from(found, 0.1 * ROWS, 0.2) == {"axis": pytest.approx(0.2 / visible, rel=0.1)}
-    assert named_from(damped, 0.1 * ROWS, 0.2)["axis"] == pytest.approx(0.4 / visible, rel=0.1)
+    assert named_from(found, 0.1 * ROWS, 0.0) == pytest.approx(by_noise, rel=0.1)
+    assert named_from(found, 0.1 * ROWS, 0.2) == pytest.approx(0.2 / visible, rel=0.1)
+    assert named_from(damped, 0.1 * ROWS, 0.2) == pytest.approx(0.4 / visible, rel=0.1)
 
 
 def test_what_is_usual_of_an_effect_is_never_named() -> None:
     found = searched({"chamber_gain": A}, np.zeros(ROWS), mass=0.0)
     usual = REGISTRY["chamber_gain"].effect.usual
-    assert named_from(found, 1e-9, 0.0)["axis"] == pytest.approx(usual, rel=0.1)
+    assert named_from(found, 1e-9, 0.0) == pytest.approx(usual, rel=0.1)
 
 
 def test_a_residual_counts_in_units_of_its_noise() -> None:
     found = searched({"offset": A}, np.zeros(ROWS))
     left = np.stack([3.0 * B, B], axis=1)  # of the second channel, no row is used
-    assert normalized_energy(found, left) == pytest.approx([9.0 * ROWS, 0.0], rel=0.1)
+    assert found.normalized_energy(left) == pytest.approx([9.0 * ROWS, 0.0], rel=0.1)
 
 
 def test_what_hides_behind_the_model_does_not_show() -> None:
     found = searched(BOTH, np.zeros(ROWS))
-    assert share_that_shows(found) == 1.0
+    assert found.testable_share == 1.0
     found.untestable[Candidate(REGISTRY["load_friction"], "axis")] = "it hides"
-    assert share_that_shows(found) == pytest.approx(2 / 3)
+    assert found.testable_share == pytest.approx(2 / 3)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from unit.crane_model.test_flow import BANDS, BETA, GAINS, JOINT, LEAK, PLAY, moved
 
-from crane_identification.diagnosis.fit.evidence import Evidence, Run
+from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.evidence import Evidence, Run
 from crane_identification.diagnosis.flow import Flow, Usual, examine
-from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.thresholds import load_thresholds
 from crane_model.flow import EDGES
 from crane_model.hydraulics import (

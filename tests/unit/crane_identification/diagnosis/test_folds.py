@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis import made
 
-from crane_identification.diagnosis.decision.judgement import (
-    TIME_BLOCKS,
+from crane_identification.diagnosis.constants import TIME_BLOCKS
+from crane_identification.diagnosis.evidence import leading
+from crane_identification.diagnosis.judgement import (
     folds,
     gain,
     held_out_gains,
     helps,
 )
-from crane_identification.diagnosis.fit.evidence import leading
 from crane_identification.thresholds import load_thresholds
 
 FOLDS, ROWS = 6, 200

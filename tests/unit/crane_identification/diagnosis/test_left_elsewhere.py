@@ -10,12 +10,12 @@ from unit.crane_identification.diagnosis.test_verdict import answer as answered
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.answer import with_left
-from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.candidates import candidates_of
+from crane_identification.diagnosis.evidence import gather
 from crane_identification.diagnosis.findings import NearbySignature, UnknownPlace, Verdict
-from crane_identification.diagnosis.fit.evidence import gather
+from crane_identification.diagnosis.judgement import Judged
 from crane_identification.diagnosis.residuals import left_elsewhere
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.search import search
+from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.words import unknown_title
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
@@ -31,7 +31,7 @@ OUTER, TELESCOPE = 1, 2
 OFFSET = ("pressure_offset", "outer_boom")
 
 
-def left(of_spring: float, named: tuple[str, str] = OFFSET) -> tuple[UnknownPlace, ...]:
+def left(of_spring: float, named: tuple[str, str] = OFFSET) -> list[UnknownPlace]:
     """Chamber A of the outer boom reads too much, and the telescope bends a hose to so much [Pa];
     one effect is `named`.
     """
@@ -48,13 +48,13 @@ def left(of_spring: float, named: tuple[str, str] = OFFSET) -> tuple[UnknownPlac
         recordings += prepare(model, wrong, Options(average=False))
     evidence = gather(model, recordings, FACTOR)
     asked = [one for one in candidates_of(model, evidence) if one.type in ASKED]
-    made = search(evidence, asked)
+    made = search(evidence, asked, THRESHOLDS)
     of = [
         one
         for one in made.projection.candidates
         if (one.candidate.type, one.candidate.joint) == named
     ]
-    return left_elsewhere(made, [cast(Judged, Mock(shaped=of[0]))], THRESHOLD, THRESHOLDS)
+    return left_elsewhere(made, [cast(Judged, Mock(shaped=of[0]))], THRESHOLD)
 
 
 def test_what_is_left_elsewhere_has_its_joint_size_and_signature() -> None:
@@ -67,7 +67,7 @@ def test_what_is_left_elsewhere_has_its_joint_size_and_signature() -> None:
 
 
 def test_nothing_is_left_where_named_effects_are_all() -> None:
-    assert left(0.0) == ()
+    assert left(0.0) == []
     assert [one.joint for one in left(0.0, ("hose_stiffness", "telescope"))] == ["outer_boom"]
 
 

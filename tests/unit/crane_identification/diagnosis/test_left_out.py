@@ -7,11 +7,12 @@ from typing import cast
 import numpy as np
 import pytest
 
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate, at_shape
+from crane_identification.diagnosis.constants import LITTLE_SHARE
 from crane_identification.diagnosis.diagnosis import _partly_seen
-from crane_identification.diagnosis.fit.evidence import Evidence, Run
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.visibility import SEEN_SHARE, left_out
+from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.visibility import left_out
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
@@ -94,7 +95,7 @@ def test_a_short_peak_is_not_sought_and_its_share_in_used_rows_is_known(evidence
     tried = [*candidates(evidence, candidate), *candidates(evidence, usual)]
     found = left_out(tried)
     travels = np.array([one.shape.get("travel", np.inf) for one in tried])
-    np.testing.assert_array_equal(found.hidden, np.exp(-UNSEEN / travels) < SEEN_SHARE)
+    np.testing.assert_array_equal(found.hidden, np.exp(-UNSEEN / travels) < LITTLE_SHARE)
     assert found.hidden.any() and not found.hidden.all()
     assert not found.whole and set(found.seen) == {candidate, usual}
     assert found.seen[candidate] == pytest.approx(np.exp(-2.0 * UNSEEN / travels.min()), rel=0.02)
@@ -110,7 +111,7 @@ def test_friction_of_which_little_is_seen_is_listed_though_a_shape_of_it_is_soug
     seen = left_out(candidates(evidence, Candidate(Stiction, "axis"))).seen
     (entry,) = _partly_seen(cast(Search, SimpleNamespace(seen=seen)))
     assert (entry.effect, entry.joint) == ("stiction", "axis")
-    assert entry.seen_share is not None and entry.seen_share < SEEN_SHARE**2
+    assert entry.seen_share is not None and entry.seen_share < LITTLE_SHARE**2
 
 
 def test_where_no_row_is_used_none_of_it_is(evidence: Evidence) -> None:

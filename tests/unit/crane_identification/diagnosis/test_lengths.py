@@ -8,18 +8,16 @@ import pytest
 from laboratory_crane import with_linkage
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.fit.evidence import gather
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.projection import NOTHING
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.candidates import candidates_of
+from crane_identification.diagnosis.decision import decide
+from crane_identification.diagnosis.evidence import gather
+from crane_identification.diagnosis.projection import NOTHING
+from crane_identification.diagnosis.search import (
     Search,
-    beside_lengths,
     columns_of_lengths,
     search,
-    unexplained,
 )
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
@@ -55,7 +53,9 @@ def built(links: Mapping[str, float], linkages: Mapping[str, float]) -> Search:
         )
     ]
     evidence = gather(model, recordings, FACTOR)
-    return search(evidence, [one for one in candidates_of(model, evidence) if one.type in ASKED])
+    return search(
+        evidence, [one for one in candidates_of(model, evidence) if one.type in ASKED], THRESHOLDS
+    )
 
 
 @pytest.fixture(scope="module")
@@ -64,13 +64,13 @@ def longer() -> Search:
 
 
 def test_what_links_of_other_lengths_make_is_taken_out(longer: Search) -> None:
-    left, beside = (unexplained(one, NOTHING).sum() for one in (longer, beside_lengths(longer)))
+    left, beside = (one.unexplained(NOTHING).sum() for one in (longer, longer.beside_lengths()))
     assert left > 1000.0 and beside < 0.02 * left
 
 
 def test_a_machine_of_its_file_loses_no_candidate_beside_lengths() -> None:
     made = built({}, {})
-    beside = beside_lengths(made)
+    beside = made.beside_lengths()
     assert columns_of_lengths(made.evidence).shape[2] == 2  # of two booms
     assert beside.projection.candidates == made.projection.candidates
     assert np.median(beside.projection.visibility / made.projection.visibility) > 0.5
@@ -79,7 +79,7 @@ def test_a_machine_of_its_file_loses_no_candidate_beside_lengths() -> None:
 def test_lengths_that_are_off_are_no_other_effect() -> None:
     """Links leave what a boom that bends slowly, or friction, would explain."""
     made = built({"inner_boom": 1.03, "outer_boom": 0.97}, {"inner_boom": 1.03, "outer_boom": 0.98})
-    found = decide(ForwardSelection(made), THRESHOLDS).passed
+    found = decide(ForwardSelection(made)).passed
     kinds = {one.shaped.candidate.type for one in found}
     assert kinds and kinds <= {"linkage_scale", "pressure_gain"}
 
@@ -88,7 +88,7 @@ def test_lengths_that_are_off_are_no_other_effect() -> None:
 def test_a_scale_that_lengths_explain_as_well_is_not_named_alone(links: dict[str, float]) -> None:
     """Two linkages that are 1 % larger scale the forces as a gain on the third joint does."""
     made = built(links, {"inner_boom": 1.01, "outer_boom": 1.01})
-    found = decide(ForwardSelection(made), THRESHOLDS).passed
+    found = decide(ForwardSelection(made)).passed
     groups = [{one.shaped.candidate, *one.indistinct} for one in found]
     assert groups
     for group in groups:

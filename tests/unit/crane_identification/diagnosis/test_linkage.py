@@ -11,16 +11,16 @@ from laboratory_crane import with_linkage
 from unit.crane_identification.diagnosis import made as made_up
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.decision.decision import decide, left_by_forms
-from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.decision.lookalikes import slight
-from crane_identification.diagnosis.decision.several import smallest
-from crane_identification.diagnosis.fit.evidence import gather
-from crane_identification.diagnosis.proof.proof import Value, differs
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.projection import Subset, solve
-from crane_identification.diagnosis.search.search import Search, search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.candidates import candidates_of
+from crane_identification.diagnosis.decision import decide, left_by_forms
+from crane_identification.diagnosis.evidence import gather
+from crane_identification.diagnosis.judgement import Judged
+from crane_identification.diagnosis.lookalikes import slight
+from crane_identification.diagnosis.projection import Subset, solve
+from crane_identification.diagnosis.proof import Value, differs
+from crane_identification.diagnosis.search import Search, search
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.several import smallest
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
@@ -45,12 +45,14 @@ def built(larger: Mapping[str, float]) -> Search:
         for seed in SEEDS
     ]
     evidence = gather(model, [one for several in recordings for one in several], FACTOR)
-    return search(evidence, [one for one in candidates_of(model, evidence) if one.type in RIVALS])
+    return search(
+        evidence, [one for one in candidates_of(model, evidence) if one.type in RIVALS], THRESHOLDS
+    )
 
 
 def named(made: Search) -> list[set[tuple[str, str]]]:
     """What a decision names, each with what cannot be told from it."""
-    found = decide(ForwardSelection(made), THRESHOLDS).passed
+    found = decide(ForwardSelection(made)).passed
     several = [(one.shaped.candidate, *one.indistinct) for one in found]
     return [{(one.type, one.where) for one in members} for members in several]
 
@@ -68,7 +70,7 @@ def test_a_linkage_is_named_in_one_class_with_the_gain_of_its_transducers() -> N
 
 def test_two_linkages_are_found_at_their_sizes(both: Search) -> None:
     selection = ForwardSelection(both)
-    decide(selection, THRESHOLDS)
+    decide(selection)
     subset = smallest(selection.search, selection.sets(2)[0], 10.0)
     sizes = values(selection.search, subset)
     assert sizes[("linkage_scale", "inner_boom")] == pytest.approx(1.0 - 1.0 / 1.02, abs=2e-3)
@@ -112,9 +114,9 @@ def test_what_a_survey_leaves_is_usual() -> None:
 def test_beside_what_has_no_form_a_further_effect_is_not_slight(
     formless: tuple[int, ...], is_slight: bool
 ) -> None:
-    places, method = [np.array([0]), np.array([0])], THRESHOLDS.method
-    asked = {"asked": (0, 1), "formless": formless}
-    assert slight(places, [1000.0, 10.0], method.further_share, **asked) is is_slight
+    places, share = [np.array([0]), np.array([0])], THRESHOLDS.method.further_share
+    found = [slight(places, [1000.0, 10.0], share, place, formless) for place in (0, 1)]
+    assert found == [False, is_slight]
 
 
 def test_a_further_effect_gains_a_fiftieth_of_the_strongest_that_has_a_form() -> None:

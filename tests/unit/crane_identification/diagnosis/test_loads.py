@@ -9,19 +9,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.fit.evidence import Evidence, gather, residual
-from crane_identification.diagnosis.fit.fit import refit
-from crane_identification.diagnosis.search.candidates import (
+from crane_identification.diagnosis.candidates import (
     agreeing,
     candidates_of,
     one_each,
     weighed,
 )
-from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.evidence import Evidence, gather
+from crane_identification.diagnosis.fit import refit
+from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
+from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import Model
 from crane_model.terms.gravity_and_load import Payload
 from crane_model.terms.term import Load
@@ -49,7 +50,7 @@ def sought(preparations: Sequence[Preparation]) -> ForwardSelection:
     """The search for a load alone."""
     evidence = gather(crane_model(), preparations, FACTOR)
     wanted = [one for one in candidates_of(crane_model(), evidence) if one.type == "payload"]
-    return ForwardSelection(search(evidence, wanted))
+    return ForwardSelection(search(evidence, wanted, load_thresholds()))
 
 
 def found(selection: ForwardSelection) -> tuple[tuple[Load, ...], np.ndarray, float]:
@@ -134,9 +135,9 @@ def on(model: Model, evidence: Evidence, held_out: Sequence[Preparation]):
     """The model with what the held-out recordings carry, these loads, and what is left there."""
     fitted = refit(evidence, "made up")
     other = gather(fitted, held_out, FACTOR, first_run=len(evidence.runs))
-    usual = evidence.rms(residual(evidence, fitted))
-    carrying, loads = weighed(fitted, other, residual(other, fitted), usual)
-    return loads, other.rms(residual(other, carrying))[:3] / usual[:3]
+    usual = evidence.rms(evidence.residual(fitted))
+    carrying, loads = weighed(fitted, other, other.residual(fitted), usual)
+    return loads, other.rms(other.residual(carrying))[:3] / usual[:3]
 
 
 def test_a_held_out_recording_is_weighed_by_itself(

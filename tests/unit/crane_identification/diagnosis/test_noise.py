@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.fit.evidence import Evidence, Run
-from crane_identification.diagnosis.proof.gap import scatter_of_periods, scatter_of_samples
+from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.gap import scatter_of_periods, scatter_of_samples
 from crane_identification.preparation.run import Preparation
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.crane_identification.diagnosis.test_verdict import THRESHOLDS, effect, gap
+from unit.crane_identification.diagnosis.test_verdict import effect, gap
 
 from crane_identification.diagnosis.answer import objection_told
-from crane_identification.diagnosis.decision.judgement import Judged, Rejection
-from crane_identification.diagnosis.proof.gap import Gap
-from crane_identification.diagnosis.proof.proof import objection
+from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.judgement import Judged, Rejection
+from crane_identification.diagnosis.proof import objection
 
 
 def told(why: Rejection | None) -> str:
@@ -31,7 +31,7 @@ def told(why: Rejection | None) -> str:
 )
 def test_a_name_closes_the_gap_on_held_out_recordings(seen: Gap, closes: bool) -> None:
     shaped = effect("stribeck", shape={"speed": 0.1, "exponent": 1.0})
-    assert (objection(shaped, seen, THRESHOLDS) is None) is closes
+    assert (objection(shaped, seen) is None) is closes
 
 
 @pytest.mark.parametrize(
@@ -46,13 +46,13 @@ def test_a_name_closes_the_gap_on_held_out_recordings(seen: Gap, closes: bool) -
 )
 def test_half_of_the_gap_is_enough_for_what_nothing_resembles(one: Judged, closes: bool) -> None:
     """Bent by its shape, it explains 1000, and the next one 100 or 600."""
-    assert (objection(one, gap(0.0113, 0.007), THRESHOLDS) is None) is closes
+    assert (objection(one, gap(0.0113, 0.007)) is None) is closes
 
 
 def test_an_effect_that_widens_the_gap_is_said_to() -> None:
     """In place of a share that is negative."""
-    said = told(objection(effect(), gap(0.0113, 0.0124), THRESHOLDS))
+    said = told(objection(effect(), gap(0.0113, 0.0124)))
     assert said.startswith("with it, the held-out error of outer_boom rises from 1.13% to 1.24%")
-    none = told(objection(effect(), gap(0.0005, 0.0006), THRESHOLDS))
+    none = told(objection(effect(), gap(0.0005, 0.0006)))
     assert none == "with it, the held-out error of outer_boom rises from 0.05% to 0.06%"
-    assert "it closes 3" in told(objection(effect(), gap(0.0113, 0.0094), THRESHOLDS))
+    assert "it closes 3" in told(objection(effect(), gap(0.0113, 0.0094)))

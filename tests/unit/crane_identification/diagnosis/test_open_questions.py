@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.diagnosis import _open_questions
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import Projection
-from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.projection import Projection
+from crane_identification.diagnosis.search import Search
 from crane_identification.thresholds import load_thresholds
 from crane_model.result_file import QuestionKind
 from crane_model.terms import REGISTRY
@@ -43,10 +43,11 @@ def test_member_of_a_class_that_explains_it_without_the_other_effects() -> None:
         SimpleNamespace(shaped=load, indistinct=[], threshold=9.0),
         SimpleNamespace(shaped=seal, indistinct=[hoses.candidate], threshold=9.0),
     ]
+    white = SimpleNamespace(noise=[None])
     diagnosis = SimpleNamespace(
         joints=("axis",),
         verdict=Verdict.NAMED,
-        search=Search(None, SimpleNamespace(noise=[None]), None, projection, {}, {}),  # type: ignore[arg-type]
+        search=Search(None, load_thresholds(), white, None, projection, {}, {}),  # type: ignore[arg-type]
         proof=SimpleNamespace(trial=SimpleNamespace(effects=effects)),
         fit=SimpleNamespace(
             training=SimpleNamespace(recordings=[SimpleNamespace(step=0.001)], factor=10),
@@ -54,7 +55,6 @@ def test_member_of_a_class_that_explains_it_without_the_other_effects() -> None:
         ),
         training=None,
         before=SimpleNamespace(setting=None),
-        thresholds=load_thresholds(),
         decision=SimpleNamespace(threshold=9.0),
     )
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.fit.evidence import Run
-from crane_identification.diagnosis.proof.gap import (
+from crane_identification.diagnosis.evidence import Run
+from crane_identification.diagnosis.gap import (
     SPACING,
     Line,
     clearest_lines,

@@ -14,14 +14,14 @@ from unit.crane_identification.diagnosis.made import (
     shaped,
 )
 
-from crane_identification.diagnosis.fit.evidence import Evidence, Run
-from crane_identification.diagnosis.fit.fit import UndeterminedError, refit, refit_anyway
-from crane_identification.diagnosis.proof.proof import shape_std_devs
-from crane_identification.diagnosis.search.candidates import Candidate
-from crane_identification.diagnosis.search.candidates import at_shape as observed
-from crane_identification.diagnosis.search.projection import solve
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.candidates import at_shape as observed
+from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.fit import UndeterminedError, refit, refit_anyway
+from crane_identification.diagnosis.projection import solve
+from crane_identification.diagnosis.proof import shape_std_devs
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY

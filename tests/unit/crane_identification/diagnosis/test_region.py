@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import MODEL, normal
 
-from crane_identification.diagnosis.fit.evidence import Features
+from crane_identification.diagnosis.evidence import Features
 from crane_identification.diagnosis.residuals import region
 
 ROWS = 2000

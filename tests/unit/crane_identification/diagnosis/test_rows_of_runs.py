@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from crane_identification.diagnosis.fit.evidence import Run, thinned
+from crane_identification.diagnosis.evidence import Run
 from crane_identification.signals.decimate import PASS_BAND_SHARE, decimation_rows
+from crane_identification.signals.gated import thinned
 from crane_model.record import Record
 
 CYCLES, STOP_BAND = 12, 6.0  # rows that the response is long, and the shape of its window

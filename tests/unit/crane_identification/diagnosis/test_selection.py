@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import chi2
 from unit.crane_identification.diagnosis import made
 
-from crane_identification.diagnosis.decision.judgement import null_gains
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import (
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.judgement import null_gains
+from crane_identification.diagnosis.projection import (
     BEAM,
     NOTHING,
     Projection,

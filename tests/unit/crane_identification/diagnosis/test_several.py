@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import MASS, ROWS, evidence, normal, search
 
-from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.judgement import by_chance
-from crane_identification.diagnosis.decision.several import on_several_joints
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import NOTHING
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.decision import decide
+from crane_identification.diagnosis.judgement import by_chance
+from crane_identification.diagnosis.projection import NOTHING
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.several import on_several_joints
 from crane_identification.thresholds import load_thresholds
 from crane_model.terms import REGISTRY
 
@@ -36,14 +36,14 @@ def asked(columns: Columns, missing: np.ndarray) -> Search:
 
 
 def lacking(made: Search) -> set[str]:
-    threshold = by_chance(made, NOTHING, THRESHOLDS)
-    found = on_several_joints(made, threshold, THRESHOLDS)
+    threshold = by_chance(made, NOTHING)
+    found = on_several_joints(made, threshold)
     return {made.projection.candidates[number].candidate.label for number in found.numbers}
 
 
 def named(made: Search) -> dict[str, int]:
     """What a decision names, and how many others cannot be told from it."""
-    found = decide(ForwardSelection(made), THRESHOLDS).passed
+    found = decide(ForwardSelection(made)).passed
     return {one.shaped.candidate.label: len(one.indistinct) for one in found}
 
 

@@ -16,14 +16,13 @@ from unit.crane_identification.report.html_reader import read_html
 from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.diagnosis import page, words
-from crane_identification.diagnosis.decision import signatures
-from crane_identification.diagnosis.decision.decision import decide
+from crane_identification.diagnosis import page, signatures, words
+from crane_identification.diagnosis.candidates import candidates_of
+from crane_identification.diagnosis.decision import decide
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.search.candidates import candidates_of
-from crane_identification.diagnosis.search.search import Shapes
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.search import Shapes
+from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
@@ -192,6 +191,6 @@ def test_effects_pass_with_the_law_that_fits_and_take_the_name_of_the_bend(
     known = replace(known, shapes=Shapes(drawn=drawn))
     bends = {"hose_stiffness": ("pressure_offset",)}
     monkeypatch.setattr(signatures, "likelier", lambda search, law, rest: bends.get(law.type, ()))
-    passed = decide(ForwardSelection(known), load_thresholds()).passed
+    passed = decide(ForwardSelection(known)).passed
     assert [one.shaped.candidate.type for one in passed] == ["pressure_offset", "actuator_inertia"]
     assert all((one.held_out > 0.0).all() for one in passed)

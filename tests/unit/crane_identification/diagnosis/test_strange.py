@@ -12,24 +12,23 @@ from unit.crane_identification.diagnosis import made
 from unit.crane_identification.diagnosis.test_lengths import with_link
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.decision.decision import Decision, decide
-from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.decision.lookalikes import (
+from crane_identification.diagnosis.candidates import Candidate, candidates_of
+from crane_identification.diagnosis.decision import Decision, decide
+from crane_identification.diagnosis.evidence import gather
+from crane_identification.diagnosis.judgement import Judged
+from crane_identification.diagnosis.lookalikes import (
     is_of_lengths,
     suspected,
     with_strange,
 )
-from crane_identification.diagnosis.decision.several import factors
-from crane_identification.diagnosis.fit.evidence import gather
-from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
-from crane_identification.diagnosis.search.search import (
+from crane_identification.diagnosis.search import (
     ForceSignature,
     Search,
     Shapes,
-    gained,
     search,
 )
-from crane_identification.diagnosis.search.selection import ForwardSelection
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.several import factors
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
@@ -61,11 +60,11 @@ def searched(joint: int, shown: Shown, machine: Machine | None = None) -> Search
         recordings += prepare(model, wrong, Options(average=False))
     evidence = gather(model, recordings, FACTOR)
     asked = [one for one in candidates_of(model, evidence) if one.type in ASKED]
-    return search(evidence, asked)
+    return search(evidence, asked, THRESHOLDS)
 
 
 def decided(joint: int, shown: Shown, machine: Machine | None = None) -> Decision:
-    return decide(ForwardSelection(searched(joint, shown, machine)), THRESHOLDS)
+    return decide(ForwardSelection(searched(joint, shown, machine)))
 
 
 def larger(**factors: float) -> Machine:
@@ -111,11 +110,11 @@ def test_linkages_of_another_size_alone_are_not_strange() -> None:
 def bends(made: Search, known: list[np.ndarray]) -> bool:
     """Whether lengths leave what bends most with pressures of the inner boom, beside the known."""
     bending = [one for one in made.shapes.unlisted_signatures("inner_boom") if "bends" in one.said]
-    leads = [gained(made, known, one.columns) for one in bending]
+    leads = [made.gained(known, one.columns) for one in bending]
     lead = max(leads)
     one = bending[leads.index(lead)]
     assert lead > 100.0
-    return is_of_lengths(made, known, one.columns, THRESHOLDS)
+    return is_of_lengths(made, known, one.columns)
 
 
 def test_what_lengths_that_are_off_leave_bends_with_a_pressure() -> None:
@@ -174,5 +173,5 @@ def test_little_of_a_strong_effect_is_the_form_of_its_law(law: float, kept: bool
     known = replace(made_up, shapes=Shapes(made_up.evidence, strange={"axis": (strange,)}))
     shaped = known.projection.candidates[0]
     found = cast(Judged, Mock(shaped=shaped, score=law))
-    beyond = with_strange(known, [found], 50.0, THRESHOLDS)[1]
+    beyond = with_strange(known, [found], 50.0)[1]
     assert bool(beyond) is kept

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence, Run
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
-from crane_identification.diagnosis.search.projection import project, whitened_base, whitener
-from crane_identification.diagnosis.search.visibility import visible
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate, at_shape
+from crane_identification.diagnosis.constants import VISIBLE_SHARE
+from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.projection import project, whitened_base, whitener
+from crane_identification.diagnosis.visibility import visible
 from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY

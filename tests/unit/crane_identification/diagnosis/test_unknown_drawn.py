@@ -8,8 +8,7 @@ import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
 from crane_identification.diagnosis import residuals
-from crane_identification.diagnosis.search.search import ForceSignature
-from crane_model.terms import NonparametricCurve
+from crane_model.terms import NonparametricCurve, Term
 
 KNOTS, UNREACHED = 8, (3, 6)
 
@@ -27,8 +26,8 @@ def test_what_no_recording_reaches_is_drawn_without_a_spread(seed: int) -> None:
         curves=lambda values: (NonparametricCurve("position", tuple(range(KNOTS)), values, "1"),),
     )
     there = np.stack([columns, np.zeros_like(columns)], axis=1)
-    signature = SimpleNamespace(term=term, columns=there)
-    (drawn,) = residuals._best_curves(made, cast(ForceSignature, signature), False)
+    best = residuals.solved(made, made.beside(there))
+    (drawn,) = residuals.curves_of(made.evidence, cast(Term, term), best.values, best.std_devs)
     std_devs = np.asarray(drawn.std_devs)
     assert np.isfinite(std_devs).all()
     assert std_devs[list(UNREACHED)] == pytest.approx(0.0, abs=1e-9)

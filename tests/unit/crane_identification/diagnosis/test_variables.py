@@ -8,7 +8,7 @@ import pytest
 from unit.crane_identification.diagnosis.made import MODEL, evidence, normal
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.fit.evidence import Evidence, Run, gather
+from crane_identification.diagnosis.evidence import Evidence, Run, gather
 from crane_identification.diagnosis.residuals import on_rows
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from crane_identification.diagnosis.answer import Answer, Reach, judge, with_loads, with_pulsation
-from crane_identification.diagnosis.decision.judgement import Judged, Reason, Rejection
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate, Weighed
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.diagnosis.proof.gap import OF_SAMPLES, Gap, Learnt, Line
-from crane_identification.diagnosis.proof.proof import Proof, Short, Trial, Value, differs
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, Weighed
+from crane_identification.diagnosis.gap import OF_SAMPLES, Gap, Learnt, Line
+from crane_identification.diagnosis.judgement import Judged, Reason, Rejection
+from crane_identification.diagnosis.proof import Proof, Short, Trial, Value, differs
 from crane_identification.thresholds import load_thresholds
 from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.machine_files import machine_file
@@ -113,7 +113,7 @@ def answer(
     reach: Reach = ENOUGH,
     short: tuple[Short, ...] = (),
 ) -> Answer:
-    return judge(Proof(BEFORE, after, seen or gap(0.0006), short), reach, THRESHOLDS)
+    return judge(Proof(BEFORE, after, seen or gap(0.0006), short), reach)
 
 
 def test_nothing_is_missing_where_held_out_errors_are_noise() -> None:

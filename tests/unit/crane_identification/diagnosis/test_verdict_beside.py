@@ -20,12 +20,12 @@ from crane_identification.diagnosis.answer import (
     with_pulsation,
     with_too_little,
 )
-from crane_identification.diagnosis.decision.decision import Decision
-from crane_identification.diagnosis.decision.judgement import Reason, Rejection
+from crane_identification.diagnosis.decision import Decision
 from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.flow import Flow, Gain, Quantity
-from crane_identification.diagnosis.proof.gap import Line, pulsations
-from crane_identification.diagnosis.proof.proof import Proof, objection
+from crane_identification.diagnosis.gap import Line, pulsations
+from crane_identification.diagnosis.judgement import Reason, Rejection
+from crane_identification.diagnosis.proof import Proof, objection
 
 CLOSED = gap(0.0113, 0.0006)
 USUAL = 0.005  # share of the flow that is left unexplained
@@ -191,16 +191,16 @@ def test_where_there_is_no_gap_a_name_must_not_open_one(after: float, closes: bo
     """By 5 %, beyond twice the noise floor."""
     seen = gap(0.001, after)
     assert np.isnan(seen.closed[1])
-    assert (objection(effect(), seen, THRESHOLDS) is None) is closes
+    assert (objection(effect(), seen) is None) is closes
 
 
 def test_a_name_is_held_to_where_training_went() -> None:
     """Beyond, an end that nobody visited before leaves an error that no law can close."""
     everywhere, there = gap(0.03, 0.026), gap(0.0003, 0.00035, floor=0.001)
-    assert objection(effect(), everywhere, THRESHOLDS)
+    assert objection(effect(), everywhere)
     seen = replace(everywhere, trained=there)
     assert seen.held_to is there and everywhere.held_to is everywhere
-    assert objection(effect(), seen, THRESHOLDS) is None
+    assert objection(effect(), seen) is None
 
 
 @pytest.mark.parametrize(("before", "open_"), [(0.001025, False), (0.00103, True)])
@@ -217,7 +217,7 @@ def test_the_share_of_a_gap_is_of_the_energy_that_can_be_explained() -> None:
 
 def test_a_law_that_only_the_learner_finds_is_unknown() -> None:
     before = trial(energy=5000.0, share=0.3)
-    found = judge(Proof(before, before, gap(0.0006)), ENOUGH, THRESHOLDS)
+    found = judge(Proof(before, before, gap(0.0006)), ENOUGH)
     assert found.verdict is Verdict.UNKNOWN
     assert found.reason == (
         "the residual of outer_boom is systematic, but no effect of the catalogue explains it"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import ROWS, evidence, normal
 
-from crane_identification.diagnosis.fit.evidence import Evidence, leading
-from crane_identification.diagnosis.search.projection import whitener
+from crane_identification.diagnosis.evidence import Evidence, leading
+from crane_identification.diagnosis.projection import whitener
 
 PHI, SIZE = 0.7, 3.0  # of the noise: correlation of neighbours, deviation of what is new in each
 RUN = np.repeat([0, 1, 2], ROWS // 3)

@@ -207,7 +207,8 @@ def test_what_is_left_beside_names_is_said() -> None:
 
 def test_nothing_is_left_out_without_a_word() -> None:
     nine = [finding(joint=f"joint_{i}") for i in range(9)]
-    hidden = {"effect": "offset", "joint": "outer_boom", "reason": "a parameter does the same"}
+    why = {"reason": "a parameter does the same"}
+    hidden = {"effect": "offset", "name": "constant force", "joint": "outer_boom", **why}
     known = {"unexplained_share": 0.01, "known_time": 59.0, "recorded_time": 60.0}
     flow = {"outer_boom": {"quantities": {}, **known}}
     said = text(content("named", *nine, not_testable=[hidden, hidden], flow=flow))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from math import comb
 from typing import NamedTuple, SupportsIndex
 
@@ -10,25 +9,18 @@ import numpy as np
 from scipy import ndimage, signal
 from scipy.stats import ttest_1samp
 from sklearn.ensemble import HistGradientBoostingRegressor
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import threadpool_limits
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis.decision.judgement import HeldOutChange
-from crane_identification.diagnosis.fit.evidence import (
-    TINY,
-    Evidence,
-    Features,
-    Run,
-    over_zones,
-    relative,
-    residual,
-    row_noise,
-)
-from crane_identification.diagnosis.fit.fit import Fitted
-from crane_identification.diagnosis.search.candidates import Weighed, with_own_loads
+from crane_identification.diagnosis.candidates import Weighed, with_own_loads
+from crane_identification.diagnosis.constants import FEWEST_ROWS
+from crane_identification.diagnosis.evidence import TINY, Evidence, Run
+from crane_identification.diagnosis.fit import Fitted
+from crane_identification.diagnosis.judgement import HeldOutChange
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
 from crane_identification.preparation.run import Preparation, noise_of_mean
 from crane_identification.signals.decimate import decimate
+from crane_identification.signals.gated import reached, row_noise
 from crane_identification.thresholds import Gates, Method, Thresholds
 from crane_identification.validation.motion_validation import (
     CommandedRun,
@@ -44,13 +36,11 @@ from crane_model.model_file import Model
 # Noise of the force: how it scatters from period to period, and from sample to sample.
 
 ORDER = 4
-"""Of the differences between samples: of a motion of 2 Hz, sampled with 200 Hz, they keep 2e-6."""
+"""Differences of this order keep 2e-6 of a motion of 2 Hz that is sampled with 200 Hz."""
 
 
 def scatter_of_periods(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:
-    """Root mean square noise (j,) of the filtered force, from the scatter between periods; NaN if
-    none was repeated that moves the joint.
-    """
+    """Noise (j,) of the filtered force by the scatter between periods; NaN if unknown."""
     power, count = np.zeros((2, joints))
     for preparation in averaged:
         repeated = len(preparation.periods)
@@ -89,7 +79,6 @@ def scatter_of_samples(evidence: Evidence) -> np.ndarray:
 ITERATIONS = 80
 SEED = 7
 BLOCK = 10  # rows, some seconds: longer than what a residual remembers
-FEWEST_ROWS = 60  # of a joint, below which nothing is learnt
 
 
 @dataclass(frozen=True)
@@ -105,13 +94,15 @@ class Learnt:
     strength: np.ndarray
 
     def follows_law(self, thresholds: Thresholds) -> np.ndarray:
-        """(j,): whether a law is there, beyond chance and beyond errors of the processing."""
+        """Return whether a joint (j,) follows a law, beyond chance and errors of the processing."""
         limit = thresholds.method.false_alarm_rate / 2.0 / len(self.share)
         return (self.p_value < limit) & (self.strength > thresholds.gates.smallest_strength)
 
 
-def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.ndarray) -> Learnt:
-    """Predict the residual (n, j) of each fold (n,) from the others."""
+@threadpool_limits.wrap(limits=1)  # so few rows are learnt faster by one thread than by several
+def learn(evidence: Evidence, residual: np.ndarray, fold: np.ndarray) -> Learnt:
+    """Predict the residual (n, c) of each fold (n,) from the others, on each joint (j,)."""
+    known = evidence.known
 
     def learnt(j: int) -> tuple[np.ndarray, float, float, float]:
         used, measured = evidence.used[:, j], residual[:, j]
@@ -133,20 +124,18 @@ def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.nd
         left = float(((measured - prediction)[used] ** 2).sum())
         share = 1.0 - left / power if power > 0.0 else 0.0
         strength = np.sqrt(max(power - left, 0.0) / used.sum()) / evidence.force_rms[j]
-        return prediction, share, _by_chance(gain[used]), strength
+        # Neighbours, alike, count as one block: chance that the true mean is at most zero.
+        count = used.sum() // BLOCK
+        blocks = gain[used][: count * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+        p_value = float(ttest_1samp(blocks, 0.0, alternative="greater").pvalue)
+        return prediction, share, p_value, strength
 
-    prediction, *figures = zip(*map(learnt, range(residual.shape[1])), strict=True)
+    prediction, *figures = zip(*map(learnt, range(len(evidence.joints))), strict=True)
     return Learnt(np.stack(prediction, axis=1), *map(np.array, figures))
 
 
-def _by_chance(gain: np.ndarray) -> float:
-    """p of gains (n,) whose true mean is at most zero; neighbours, alike, count as one block."""
-    blocks = gain[: len(gain) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
-    return float(ttest_1samp(blocks, 0.0, alternative="greater").pvalue)
-
-
 def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegressor:
-    """The learner on rows (n, f); so few rows are learnt faster by one thread than by several."""
+    """The learner on rows (n, f)."""
     learner = HistGradientBoostingRegressor(
         max_iter=ITERATIONS,
         learning_rate=0.1,
@@ -156,15 +145,10 @@ def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegres
         early_stopping=False,
         random_state=SEED,
     )
-    with _threads().limit(limits=1):
-        return learner.fit(values, target)
+    return learner.fit(values, target)
 
 
-@cache
-def _threads() -> ThreadpoolController:
-    return ThreadpoolController()
-
-
+@threadpool_limits.wrap(limits=1)
 def predict_elsewhere(evidence: Evidence, residual: np.ndarray, other: Evidence) -> np.ndarray:
     """The residual (n', j) of other evidence as learnt from this one."""
     here, there = evidence.known, other.known
@@ -196,7 +180,7 @@ class HeldOut:
 
     @property
     def reachable(self) -> np.ndarray:
-        """What some model reaches (j,): noise, the learner, or the error `after`."""
+        """Error that some model reaches (j,): noise, the learner, or the error `after`."""
         return np.fmin(np.fmin(self.method.clean_factor * self.floor, self.best), self.after)
 
     @property
@@ -205,7 +189,7 @@ class HeldOut:
         return np.array([self.closed_on([j]) for j in range(len(self.joints))])
 
     def closed_on(self, joints: Sequence[int]) -> float:
-        """The same of several joints together, each in units of what is reachable there."""
+        """The share of several joints together, each in units of its reachable error."""
         own = list(joints)
         unit = np.maximum(self.reachable[own], RESOLUTION) ** 2
         before, after, least = (
@@ -249,18 +233,20 @@ class Gap(HeldOut):
     def largest_before(self) -> np.ndarray:
         return np.maximum(self.before, self.training_before)
 
+    @property
+    def worst(self) -> int:
+        """Number of the joint whose force errs most, beyond what is noise there."""
+        error, noise = self.largest_before, np.nan_to_num(self.method.clean_factor * self.floor)
+        return int(np.argmax(error**2 - np.minimum(noise, error) ** 2))
+
     def over(self, errors: np.ndarray, scatter: str) -> np.ndarray:
-        """Errors (j,) over the noise floor, NaN where none is known, or over what the scatter of
-        samples and surveyed lengths account for.
-        """
+        """Errors (j,) over what the `scatter` accounts for; NaN if unknown."""
         if scatter == OF_PERIODS:
             return errors / np.maximum(self.floor, RESOLUTION)
         return errors / np.hypot(self.sample_noise, self.method.surveyed_error)
 
     def beyond(self, errors: np.ndarray, gates: Gates, scatter: str) -> np.ndarray:
-        """Return whether errors (j,) are more than noise by the `scatter`, than values that are
-        kept may err and, by the scatter of periods, than surveyed lengths leave.
-        """
+        """Return whether errors (j,) are more than noise, uncertain values and surveyed lengths."""
         periods = scatter == OF_PERIODS
         factor = gates.floor_factor if periods else gates.sample_noise_factor
         beyond: np.ndarray = (
@@ -272,9 +258,7 @@ class Gap(HeldOut):
 
 
 class Unchanged(NamedTuple):
-    """Training residual (n, c) of the model before, its prediction (n', j) by a learner on the
-    held-out rows, and the simulated motion there.
-    """
+    """Training residual (n, c) of the model before, its prediction held out, and its motion."""
 
     training: np.ndarray
     expected: np.ndarray
@@ -283,7 +267,7 @@ class Unchanged(NamedTuple):
 
 def unchanged(fit: Fitted) -> Unchanged:
     """The part of the gap that no effect changes."""
-    left, j = residual(fit.evidence, fit.before), len(fit.before.joints)
+    left, j = fit.evidence.residual(fit.before), len(fit.before.joints)
     expected = predict_elsewhere(fit.evidence.moving, left[:, :j], fit.held_out.moving)
     return Unchanged(left, expected, _motion(fit, fit.before))
 
@@ -293,45 +277,34 @@ def _motion(fit: Fitted, model: Model) -> MotionValidation:
 
 
 def measure(fit: Fitted, after: Model, method: Method, known: Unchanged) -> Gap:
-    """The model before, and the one after with the load of each recording, on recordings that took
-    no part.
-    """
+    """The errors before and after, with the load of each recording, held out."""
     before, training, held_out = fit.before, fit.evidence, fit.held_out
     j = len(before.joints)
     noise = scatter_of_periods(fit.periods, held_out.runs[0].factor, j)
     doubt = uncertain(held_out, after) if training.keeps else 0.0
     after, loads = with_own_loads(after, training, held_out)
-    old, new = residual(held_out, before), residual(held_out, after)
+    old, new = held_out.residual(before), held_out.residual(after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
     learnt[:, :j] = known.expected - old[:, :j]
-    everywhere, trained = (
-        _errors(rows, (old, new, learnt), noise, method)
-        for rows in (held_out, where_trained(training, held_out))
-    )
+
+    def errors(rows: Evidence) -> HeldOut:
+        size = np.maximum(rows.over_zones(rows.force), TINY)
+        first, last, best = (rows.over_zones(values) / size for values in (old, new, learnt))
+        return HeldOut(rows.joints, first, last, noise / size, np.minimum(best, first), method)
+
     return Gap(
-        **vars(everywhere),
-        training_before=relative(training, known.training),
-        training_after=relative(training, residual(training, after)),
+        **vars(errors(held_out)),
+        training_before=training.relative(known.training),
+        training_after=training.relative(training.residual(after)),
         motion_before=known.motion,
         motion_after=known.motion if after is before else _motion(fit, after),
         loads=loads,
         carried=after,
-        sample_noise=scatter_of_samples(held_out) / _size(held_out),
+        sample_noise=scatter_of_samples(held_out)
+        / np.maximum(held_out.over_zones(held_out.force), TINY),
         uncertain=doubt,
-        trained=trained,
+        trained=errors(where_trained(training, held_out)),
     )
-
-
-def _errors(
-    rows: Evidence, left: Sequence[np.ndarray], noise: np.ndarray, method: Method
-) -> HeldOut:
-    size = _size(rows)
-    before, after, best = (over_zones(rows, values) / size for values in left)
-    return HeldOut(rows.joints, before, after, noise / size, np.minimum(best, before), method)
-
-
-def _size(rows: Evidence) -> np.ndarray:
-    return np.maximum(over_zones(rows, rows.force), np.finfo(float).tiny)
 
 
 def where_trained(training: Evidence, held_out: Evidence) -> Evidence:
@@ -344,7 +317,7 @@ def where_trained(training: Evidence, held_out: Evidence) -> Evidence:
     beyond = []
     for run in held_out.runs:
         outside = (run.record.position < low) | (run.record.position > high)
-        beyond.append(run.reached(outside & (low <= high)))
+        beyond.append(reached(outside & (low <= high), run.factor))
     zones = held_out.used.shape[1] // joints
     return replace(held_out, used=held_out.used & ~np.tile(np.concatenate(beyond), zones))
 
@@ -353,7 +326,7 @@ def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
     """Error (j,) of the force, relative to it, that the standard deviations of values make."""
     assert model.std_devs is not None  # of values that are kept
     parts = evidence.regressor(model) * model.std_devs
-    return relative(evidence, np.linalg.norm(parts, axis=2))
+    return evidence.relative(np.linalg.norm(parts, axis=2))
 
 
 # Pulsation: a line in the spectrum of the residual, faster than anything that is moved on purpose.
@@ -369,9 +342,7 @@ HIGHEST_SHARE = 0.2  # of the sampling rate: the highest frequency
 
 
 class Line(NamedTuple):
-    """A line in the spectrum of a joint at a `frequency` [Hz], its rms over that of the force, and
-    its `clearness`: mean of log(power over level) times sqrt(recordings).
-    """
+    """A line at a `frequency` [Hz], its relative rms, and mean log(power/level) √recordings."""
 
     joint: str
     frequency: float
@@ -380,9 +351,7 @@ class Line(NamedTuple):
 
 
 def clearest_lines(model: Model, runs: Sequence[Run], fewest: int) -> tuple[Line, ...]:
-    """The clearest line of each joint beside the fitted `model`; none if recordings are too short
-    or fewer than `fewest`.
-    """
+    """The clearest line of each joint beside the `model`; none of too few recordings."""
     longest = dict[str, Run]()
     for run in runs:
         other = longest.get(run.source)
@@ -415,9 +384,7 @@ def _step(run: Run) -> float:
 
 
 def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(f, j) at the frequencies `asked` [Hz] (f,): log of the residual's power over the level
-    around, and the rms of a line over that of the force.
-    """
+    """Log of the residual's power over the level, and relative rms of a line (f, j each)."""
     force = run.record.needed("force", "a search for pulsation")
     residual = force - model.predict(run.record)
     window = signal.windows.hann(len(force))[:, np.newaxis]
@@ -441,9 +408,7 @@ def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np
 
 @dataclass(frozen=True)
 class Commanded:
-    """Errors on recordings that took no part, a pair of before and after for each horizon, or the
-    `reason` why nothing can be simulated.
-    """
+    """Errors before and after for each horizon, or the `reason` why there are none."""
 
     pairs: tuple[tuple[CommandValidation, CommandValidation], ...] = ()
     reason: str = ""

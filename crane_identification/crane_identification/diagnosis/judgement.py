@@ -6,10 +6,21 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import chi2
 
-from crane_identification.diagnosis.fit.evidence import TINY, Evidence, beside, leading
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import (
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.constants import (
+    FEWEST_ACTING,
+    FEWEST_OCCASIONS,
+    FEWEST_RECORDINGS,
+    HELD_SHARE,
+    IDENTICAL_CORRELATION,
+    LITTLE_SHARE,
+    QUIET_SHARE,
+    TIME_BLOCKS,
+)
+from crane_identification.diagnosis.evidence import TINY, Evidence, beside, leading
+from crane_identification.diagnosis.projection import (
     NOTHING,
     SINGULAR_SHARE,
     BesideSet,
@@ -20,8 +31,8 @@ from crane_identification.diagnosis.search.projection import (
     extended,
     solve,
 )
-from crane_identification.diagnosis.search.search import Search, strength, unexplained_beside
-from crane_identification.diagnosis.search.selection import others
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.selection import others
 from crane_identification.thresholds import Thresholds
 
 # What chance alone explains, and the score that an effect therefore needs.
@@ -62,27 +73,21 @@ def null_gains(
     return totals.max(axis=0)
 
 
-def by_chance(search: Search, before: Subset, thresholds: Thresholds) -> float:
+def by_chance(search: Search, before: Subset) -> float:
     """The gain asked of an effect beside a set: more than chance adds to the set."""
-    null = null_gains(search.projection, before.numbers)
+    null, thresholds = null_gains(search.projection, before.numbers), search.thresholds
     level = 1.0 - thresholds.method.false_alarm_rate / 2.0
     return thresholds.gates.score_factor * float(np.quantile(null, level))
 
 
+def chance_of(search: Search, columns: np.ndarray) -> float:
+    """Gain asked of so many columns (n, c, k): more than chance gives them."""
+    level = 1.0 - search.thresholds.method.false_alarm_rate / 2.0
+    return search.thresholds.gates.score_factor * float(chi2.ppf(level, columns.shape[2]))
+
+
 # Whether an effect improves the prediction of recordings that it was not fitted to. Only recordings
 # in which it acts count: elsewhere, chance alone decides.
-
-FEWEST_BAGS = 4  # with fewer, blocks of time take their place
-TIME_BLOCKS = 6
-HELD_SHARE = 0.2
-"""Share of a direction's norm that the other folds must hold to determine its coefficient: the
-noise that the fold is predicted with because of it is then five times that of a row at most."""
-ACTING_SHARE = 0.1
-"""Share of what a recording would have of the energy of an effect if all had the same, from which
-on it acts there."""
-FEWEST_ACTING = 3  # recordings in which an effect acts; with fewer, blocks of time take their place
-FEWEST_OCCASIONS = 2  # on which it acts there, as into an end and out: what happens once is no law
-QUIET_SHARE = 0.01  # of the largest energy of a row: below it, an occasion has ended
 
 
 class Folds(NamedTuple):
@@ -94,23 +99,20 @@ class Folds(NamedTuple):
 
 def folds(evidence: Evidence) -> Folds:
     """Recordings, or blocks of time."""
-    names = list(dict.fromkeys(run.source for run in evidence.runs))
-    if len(names) >= FEWEST_BAGS:
-        return Folds(evidence.bag, tuple(names))
+    if len(evidence.sources) >= FEWEST_RECORDINGS:
+        return Folds(evidence.bag, evidence.sources)
     order = np.arange(len(evidence.time))
     return _blocks(order * TIME_BLOCKS // len(order), TIME_BLOCKS)
 
 
 def folds_of(evidence: Evidence, whitener: Whitener, force: np.ndarray) -> Folds:
-    """The folds in which an effect of this `force` (n, c) acts: recordings or, of too few of these,
-    blocks of time within them, each with as much of its energy; all if it acts but once.
-    """
+    """Folds in which a `force` (n, c) acts: recordings, or blocks of time of like energy."""
     every = folds(evidence)
-    if len(evidence.sources) < FEWEST_BAGS:
+    if len(evidence.sources) < FEWEST_RECORDINGS:
         return every
     power = np.bincount(whitener.row, whitener(force) ** 2, len(force))
     share = np.bincount(evidence.bag, power, len(every.names)) / max(power.sum(), TINY)
-    acting = share * len(every.names) > ACTING_SHARE
+    acting = share * len(every.names) > LITTLE_SHARE
     if acting.sum() >= FEWEST_ACTING:
         number = np.where(acting, np.cumsum(acting) - 1, -1)
         names = (name for name, there in zip(every.names, acting, strict=True) if there)
@@ -134,9 +136,7 @@ def _blocks(block: np.ndarray, count: int) -> Folds:
 def held_out_gains(
     search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Gain in 2 log L on each held-out fold if the columns `added` (n, c, k) join the `rest` (n, c,
-    k each), and the names of the folds; NaN if the other folds do not determine them.
-    """
+    """Gains in 2 log L on held-out folds by `added` (n, c, k) beside the `rest`, NaN: unknown."""
     evidence, whitener = search.evidence, search.whitener
     fold, names = asked or folds(evidence)
     label = fold[whitener.row]
@@ -175,15 +175,12 @@ def gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarra
     left = beside(basis, inside[:, k:-1])
     if np.linalg.svd(left, compute_uv=False).min(initial=1.0) < HELD_SHARE or not own.any():
         return np.nan
-    costs = [_left(inside, outside, count) for count in (k, k + new.shape[1])]
+    costs = []  # sums of squares that a fit to the other rows leaves of the force
+    for count in (k, k + new.shape[1]):
+        columns = inside[:, :count]
+        values = np.linalg.solve(columns.T @ columns, columns.T @ inside[:, -1])
+        costs.append(float(((outside[:, -1] - outside[:, :count] @ values) ** 2).sum()))
     return costs[0] - costs[1]
-
-
-def _left(inside: np.ndarray, outside: np.ndarray, count: int) -> float:
-    """Sum of squares of the last column outside that its fit by the first `count` inside leaves."""
-    gram = inside[:, :count].T @ inside[:, :count]
-    values = np.linalg.solve(gram, inside[:, :count].T @ inside[:, -1])
-    return float(((outside[:, -1] - outside[:, :count] @ values) ** 2).sum())
 
 
 def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
@@ -196,6 +193,13 @@ def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
     return 2 * len(asked) > len(gains) and failed <= allowed
 
 
+def predicts(
+    search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
+) -> bool:
+    """Return whether columns beside the `rest` improve the prediction of held-out recordings."""
+    return helps(held_out_gains(search, rest, added, asked)[0], search.thresholds)
+
+
 # Others in the place of an effect: which explain as much, and how alike they are.
 
 
@@ -205,6 +209,12 @@ def without(search: Search, subset: Subset, place: int) -> Subset:
     return (solve(search.projection, rest) or NOTHING) if rest else NOTHING
 
 
+def marginal(search: Search, subset: Subset) -> list[float]:
+    """The loss of gain of the set without each of its effects."""
+    places = range(len(subset.numbers))
+    return [subset.gain - without(search, subset, place).gain for place in places]
+
+
 def in_place_of(search: Search, subset: Subset, place: int) -> list[Subset]:
     """The set with each other candidate in the place of one of its effects, best first."""
     projection = search.projection
@@ -212,6 +222,12 @@ def in_place_of(search: Search, subset: Subset, place: int) -> list[Subset]:
     replaced = extended(projection, without(search, subset, place))
     ranked = sorted(replaced, key=lambda one: -one.gain)
     return [one for one in ranked if projection.candidates[one.numbers[-1]].candidate != candidate]
+
+
+def with_other(search: Search, subset: Subset, place: int, number: int) -> Subset | None:
+    """The set with another candidate at the place of one of its effects."""
+    order = (*subset.numbers[:place], number, *subset.numbers[place + 1 :])
+    return solve(search.projection, order)
 
 
 def freedom(search: Search, number: int) -> int:
@@ -242,10 +258,8 @@ def likeness(search: Search, one: int, others: Sequence[int]) -> np.ndarray:
             out[places[~bound]] = [_least_canonical(gram, own, each) for each in columns[~bound]]
         places, columns = places[bound], columns[bound]
         all_own = np.broadcast_to(own, (len(places), len(own)))
-        pairs = [(few, many) for few, many in ((all_own, columns), (columns, all_own))
-                 if few.shape[1] <= many.shape[1]]  # fmt: skip
-        for few, many in pairs:
-            for column in few.T:
+        for few, many in ((all_own, columns), (columns, all_own)):
+            for column in few.T if few.shape[1] <= many.shape[1] else ():
                 backwards = np.where(free[column], _followed(projection, -1.0, column, many), 0.0)
                 cosine = np.maximum(_followed(projection, 1.0, column, many), backwards)
                 out[places] = np.minimum(out[places], cosine)
@@ -270,31 +284,26 @@ def _followed(
     return np.where(apart, np.sqrt(np.maximum(power, 0.0)), 0.0)
 
 
-def simplest(
-    search: Search, subset: Subset, thresholds: Thresholds, threshold: float, settled: int = 0
-) -> Subset:
-    """The set with effects, but the first `settled`, replaced by simpler ones that they are no
-    better than: a Stribeck curve without end is Coulomb friction.
-    """
-    method = thresholds.method
+def simplest(search: Search, subset: Subset, threshold: float, settled: int = 0) -> Subset:
+    """The set with simpler effects, after the first `settled`, where they are as good."""
+    method = search.thresholds.method
     for place in range(settled, len(subset.numbers)):
         own, swaps = subset.numbers[place], in_place_of(search, subset, place)
-        needed = max(threshold, method.lead_share * unexplained_beside(search, subset, place))
+        needed = max(threshold, method.lead_share * search.unexplained_beside(subset, place))
         for swapped in swaps:
             other = swapped.numbers[-1]
             if subset.gain - swapped.gain > needed:
                 break
             simpler = freedom(search, other) < freedom(search, own)
             if simpler and likeness(search, own, [other])[0] > method.form_correlation:
-                order = (*subset.numbers[:place], other, *subset.numbers[place + 1 :])
-                subset = solve(search.projection, order) or subset
+                subset = with_other(search, subset, place, other) or subset
                 break
     return subset
 
 
+# The judgement of an effect, and why it is rejected.
+
 BETWEEN = {"time", "recording"}  # by which recordings differ
-IDENTICAL_CORRELATION = 1.0 - 1e-6
-"""Above it, beside the model, an effect is the other one by another name."""
 
 
 class Reason(Enum):
@@ -332,9 +341,7 @@ class Rejection(NamedTuple):
 
 
 class Beyond(NamedTuple):
-    """A `signature` on a `joint` that no effect has, or `effects`, by their labels, that a test
-    rejects though they are not chance.
-    """
+    """A `signature` on a `joint` that no effect has, or `effects` that a test rejects."""
 
     joint: str = ""
     signature: str = ""
@@ -375,67 +382,47 @@ class Judged:
     rivals: tuple[Rival, ...] = ()
 
 
-def all_judged(search: Search, subset: Subset, thresholds: Thresholds) -> list[Judged]:
+def all_judged(search: Search, subset: Subset) -> list[Judged]:
     """The effects of a set, each against what chance adds to the best smaller set."""
-    threshold = by_chance(search, search.sets[len(subset.numbers) - 1][0], thresholds)
+    threshold = by_chance(search, search.sets[len(subset.numbers) - 1][0])
     return [
-        _judged(search, subset, place, score, threshold, thresholds)
+        _judged(search, subset, place, score, threshold)
         for place, score in enumerate(marginal(search, subset))
     ]
 
 
-def marginal(search: Search, subset: Subset) -> list[float]:
-    """What the set loses without each of its effects."""
-    places = range(len(subset.numbers))
-    return [subset.gain - without(search, subset, place).gain for place in places]
-
-
 def found_values(search: Search, subset: Subset, place: int) -> np.ndarray:
     """The parameters (k,) that a set gives to one of its effects."""
-    projection = search.projection
-    counts = [len(projection.columns_of[number]) for number in subset.numbers]
-    begin, own = sum(counts[:place]), projection.columns_of[subset.numbers[place]]
-    return np.asarray(subset.values[begin : begin + counts[place]] / projection.scale[own])
+    columns = [search.projection.columns_of[number] for number in subset.numbers]
+    begin, own = sum(map(len, columns[:place])), columns[place]
+    return np.asarray(subset.values[begin : begin + len(own)] / search.projection.scale[own])
 
 
 def folds_asked(search: Search, own: ShapedCandidate, values: np.ndarray) -> Folds:
-    """The folds in which an effect with these values (k,) must help: where it acts, or all if it
-    follows the time or the recording.
-    """
+    """The folds in which an effect must help: where it acts, or all if recordings differ."""
     if BETWEEN & set(own.candidate.effect.follows):
         return folds(search.evidence)
     return folds_of(search.evidence, search.whitener, own.columns @ values)
 
 
-def _judged(
-    search: Search,
-    subset: Subset,
-    place: int,
-    score: float,
-    threshold: float,
-    thresholds: Thresholds,
-) -> Judged:
-    projection, method = search.projection, thresholds.method
+def _judged(search: Search, subset: Subset, place: int, score: float, threshold: float) -> Judged:
+    projection, method = search.projection, search.thresholds.method
     number = subset.numbers[place]
     own = projection.candidates[number]
-    rest = without(search, subset, place)
     replaced = in_place_of(search, subset, place)
     cosines = likeness(search, number, [swapped.numbers[-1] for swapped in replaced]).tolist()
-    swaps = [
-        (swapped, alike)
-        for swapped, alike in zip(replaced, cosines, strict=True)
-        if alike > method.rival_correlation
-        or same_effect(own.candidate, projection.candidates[swapped.numbers[-1]].candidate)
-    ]
-    left = unexplained_beside(search, subset, place)
+    swaps = []
+    for swapped, alike in zip(replaced, cosines, strict=True):
+        related = same_effect(own.candidate, projection.candidates[swapped.numbers[-1]].candidate)
+        if related or alike > method.rival_correlation:
+            swaps.append((swapped, alike, related))
+    left = search.unexplained_beside(subset, place)
     # Beyond noise, what is left unexplained, and columns that are not quite those of the machine.
     needed = max(threshold, method.lead_share * left, (1.0 - method.alike_correlation**2) * score)
     needed_of_same = max(needed, method.kin_lead_share * left)
     rivals: list[Rival] = []
-    for swapped, alike in swaps:
+    for swapped, alike, related in swaps:
         other = projection.candidates[swapped.numbers[-1]]
-        lead = subset.gain - swapped.gain
-        related = same_effect(own.candidate, other.candidate)
         if other.shape or other.candidate.changes:
             form = method.form_correlation
         else:
@@ -443,26 +430,25 @@ def _judged(
         more = freedom(search, swapped.numbers[-1]) > freedom(search, number)
         if more and alike > form and not related:
             continue  # the same with more freedom, which it does not need
-        rivals.append(Rival(other.candidate, lead, needed_of_same if related else needed))
+        asked_of = needed_of_same if related else needed
+        rivals.append(Rival(other.candidate, subset.gain - swapped.gain, asked_of))
     indistinct = [one.candidate for one in rivals if one.lead <= one.needed]
-    columns = [projection.candidates[i].columns for i in rest.numbers]
+    rest = [projection.candidates[i].columns for i in without(search, subset, place).numbers]
     found = found_values(search, subset, place)
     asked = folds_asked(search, own, found)
-    acting = own.columns[:, :, found != 0.0]
-    held_out, names = held_out_gains(search, columns, acting, asked)
-    runner_up = projection.candidates[swaps[0][0].numbers[-1]].candidate if swaps else None
-    closest = runner_up is not None and same_effect(own.candidate, runner_up)
+    held_out, names = held_out_gains(search, rest, own.columns[:, :, found != 0.0], asked)
+    first, correlation, closest = swaps[0] if swaps else (None, 0.0, False)
     return Judged(
         shaped=own,
         score=score,
         threshold=threshold,
         held_out=held_out,
         fold_names=names,
-        runner_up=runner_up,
-        margin=subset.gain - swaps[0][0].gain if swaps else score,
+        runner_up=projection.candidates[first.numbers[-1]].candidate if first else None,
+        margin=subset.gain - first.gain if first else score,
         needed=needed_of_same if closest else needed,
-        correlation=swaps[0][1] if swaps else 0.0,
+        correlation=correlation,
         indistinct=tuple(indistinct),
-        strength=strength(search, number, score),
+        strength=search.strength(number, score),
         rivals=tuple(rivals),
     )

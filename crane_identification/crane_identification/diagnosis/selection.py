@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from crane_identification.diagnosis.fit.evidence import beside, leading
-from crane_identification.diagnosis.search.candidates import (
+from crane_identification.diagnosis.candidates import (
     LOADS,
     Candidate,
     ShapedCandidate,
@@ -17,7 +16,9 @@ from crane_identification.diagnosis.search.candidates import (
     load_of,
     one_each,
 )
-from crane_identification.diagnosis.search.projection import (
+from crane_identification.diagnosis.constants import LARGEST_SET
+from crane_identification.diagnosis.evidence import beside, leading
+from crane_identification.diagnosis.projection import (
     BEAM,
     NOTHING,
     Base,
@@ -29,11 +30,10 @@ from crane_identification.diagnosis.search.projection import (
     project,
     solve,
 )
-from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search import Search
 from crane_model.progress_bar import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined
-LARGEST_SET = 6  # effects that are sought together
 REFINED_SETS = 4  # best sets of each size whose shapes are refined, so that the selection is fair,
 CLOSE_SHARE = 0.3  # if they add at least this share of what the best one adds
 LARGEST_GAIN = 1e12  # gain; beyond, the search for shapes would lose its numbers
@@ -127,9 +127,7 @@ class ForwardSelection:
         return len(projection.candidates) - 1
 
     def refine(self, subset: Subset) -> Subset:
-        """The set with the shapes of its candidates refined, at which they are added; of loads,
-        which recordings have one in common.
-        """
+        """The set with the shapes of its candidates refined, and its loads grouped."""
         subset = self._regrouped(subset)
         for place in range(len(subset.numbers)):
             for name in self.search.projection.candidates[subset.numbers[place]].candidate.shapes:
@@ -143,9 +141,7 @@ class ForwardSelection:
         return subset
 
     def _grouped(self, subset: Subset, place: int) -> Subset:
-        """The set with one load for each group of recordings that agree, beside its other effects;
-        the lightest group has none.
-        """
+        """The set with one load for each group of recordings that agree; the lightest has none."""
         search, projection = self.search, self.search.projection
         candidate = projection.candidates[subset.numbers[place]].candidate
         each = self._alone(candidate, {LOADS: one_each(search.evidence)})

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from crane_identification.data.column_map import COUNTS
-from crane_identification.diagnosis.decision.judgement import Judged, Reason, Rejection, folds
-from crane_identification.diagnosis.fit.evidence import beside, gather, leading, normed, residual
-from crane_identification.diagnosis.fit.fit import Fitted, Training, UndeterminedError, refit_anyway
-from crane_identification.diagnosis.proof.gap import (
+from crane_identification.diagnosis.candidates import NO_LOAD, Candidate, ShapedCandidate
+from crane_identification.diagnosis.evidence import beside, gather, leading, normed
+from crane_identification.diagnosis.fit import Fitted, Training, UndeterminedError, refit_anyway
+from crane_identification.diagnosis.gap import (
     RESOLUTION,
     Gap,
     Learnt,
@@ -23,13 +22,9 @@ from crane_identification.diagnosis.proof.gap import (
     pulsations,
     unchanged,
 )
-from crane_identification.diagnosis.search.candidates import (
-    NO_LOAD,
-    Candidate,
-    ShapedCandidate,
-)
-from crane_identification.diagnosis.search.projection import whitened_base
-from crane_identification.diagnosis.search.search import Search, left_share, normalized_energy
+from crane_identification.diagnosis.judgement import Judged, Reason, Rejection, folds
+from crane_identification.diagnosis.projection import whitened_base
+from crane_identification.diagnosis.search import Search
 from crane_identification.thresholds import Thresholds
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
@@ -92,7 +87,7 @@ def estimated(search: Search, before: Model, candidates: Sequence[ShapedCandidat
     return model.with_estimate(values, std_devs, provenance)
 
 
-STEP = 0.02  # relative, of the difference with respect to a shape parameter
+STEP = 0.02  # relative, of the difference with respect to a nonlinear parameter
 
 
 @dataclass(frozen=True)
@@ -110,7 +105,7 @@ class Value:
 
     @property
     def change(self) -> tuple[float, float]:
-        """What it adds to the value before or to nothing, with its standard deviation."""
+        """Change from the value before or from nothing, with its standard deviation."""
         known, std_dev = self.before or (0.0, 0.0)
         return self.value - known, float(np.hypot(self.std_dev, std_dev))
 
@@ -129,16 +124,27 @@ class Finding:
     @property
     def added(self) -> np.ndarray:
         """Coefficients (k,) of the columns of the effect."""
-        linear = self.parameters[: len(self.judged.shaped.positive)]
-        return np.array([one.change[0] for one in linear])
+        return np.array([one.change[0] for one in self.linear])
+
+    @property
+    def linear(self) -> tuple[Value, ...]:
+        return self.parameters[: len(self.judged.shaped.positive)]
+
+    def carried_in(self, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:
+        """Recordings that carry each load of an effect that differs between them, and `none`."""
+        loads = self.judged.shaped.term.carried
+        if not loads:
+            return {}
+        pairs = zip(self.parameters, loads, strict=True)
+        carried = {value.name: load.recordings for value, load in pairs}
+        loaded = {name for names in carried.values() for name in names}
+        return carried | {NO_LOAD: tuple(sorted(set(recordings) - loaded))}
 
 
 def extended(
     found: Search, before: Model, judged: Sequence[Judged], training: Training
 ) -> tuple[Model, list[tuple[Value, ...]]]:
-    """The model with the terms, refitted jointly, and the parameters of each; `UndeterminedError`
-    if the recordings do not determine all of them.
-    """
+    """The model with the refitted terms, and their values; raises `UndeterminedError`."""
     if not judged:
         return before, []
     if found.evidence.keeps:
@@ -150,59 +156,46 @@ def extended(
         evidence = gather(model, training.recordings, training.factor)
         after, _ = refit_anyway(evidence, training.sources)
     own = [after.part(one.shaped.term) for one in judged]
-    assert after.std_devs is not None  # just fitted
     shapes = shape_std_devs(
         found, [one.shaped for one in judged], [after.theta[part] for part in own]
     )
     values = []
     for one, part, spread in zip(judged, own, shapes, strict=True):
+        changes = one.shaped.candidate.changes
         linear = [
             Value(
-                after.parameters[i].name,
-                float(after.theta[i]),
-                float(after.std_devs[i]),
-                after.parameters[i].unit,
-                after.parameters[i].minimum,
-                _before(before, i) if one.shaped.candidate.changes else None,
+                parameter.name,
+                *_estimate(after, i),
+                found.evidence.unit(parameter.unit),
+                parameter.minimum,
+                _estimate(before, i) if changes else None,
             )
-            for i in range(part.start, part.stop)
+            for i, parameter in enumerate(after.parameters[part], part.start)
         ]
         coordinate = after.setting.units.get(one.shaped.candidate.where, "rad")
         bent = [
-            Value(name, float(one.shaped.shape[name]), spread[name], shape.unit_on(coordinate))
+            Value(
+                name,
+                float(one.shaped.shape[name]),
+                spread[name],
+                found.evidence.unit(shape.unit_on(coordinate)),
+            )
             for name, shape in one.shaped.candidate.shapes.items()
         ]
         values.append(tuple(linear + bent))
     return after, values
 
 
-def _before(model: Model, i: int) -> tuple[float, float]:
-    assert model.std_devs is not None  # changes are sought of a model with values
+def _estimate(model: Model, i: int) -> tuple[float, float]:
+    """A parameter and its standard deviation."""
+    assert model.std_devs is not None  # just fitted, or kept
     return float(model.theta[i]), float(model.std_devs[i])
-
-
-def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Which recordings carry each load of an effect that differs between them, and which `none`."""
-    loads = finding.judged.shaped.term.carried
-    if not loads:
-        return {}
-    pairs = zip(finding.parameters, loads, strict=True)
-    carried = {value.name: load.recordings for value, load in pairs}
-    loaded = {name for names in carried.values() for name in names}
-    return carried | {NO_LOAD: tuple(sorted(set(recordings) - loaded))}
-
-
-def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
-    """Parameters that are found in counts."""
-    return tuple(replace(one, unit=COUNTS if one.unit != "1" else "1") for one in values)
 
 
 def shape_std_devs(
     search: Search, chosen: Sequence[ShapedCandidate], values: Sequence[np.ndarray]
 ) -> list[dict[str, float]]:
-    """One standard deviation of each shape parameter of each candidate with these `values`, beside
-    everything else; linearized.
-    """
+    """Standard deviations of the nonlinear parameters of candidates, beside all else."""
     evidence, white = search.evidence, search.whitener
     keys = [(k, name) for k, one in enumerate(chosen) for name in one.candidate.shapes]
     out: list[dict[str, float]] = [{} for _ in chosen]
@@ -256,12 +249,12 @@ class Trial:
 
     @cached_property
     def learnt(self) -> Learnt:
-        """What could be learnt of the residual; it takes a second and more."""
+        """Part of the residual that could be learnt; it takes a second and more."""
         return self.learning()
 
     @cached_property
     def law(self) -> np.ndarray:
-        """(j,): whether that is a law."""
+        """Return whether the residual of a joint (j,) is a law."""
         return self.learnt.follows_law(self.thresholds)
 
     def explained(self, before: "Trial") -> float:
@@ -272,46 +265,34 @@ class Trial:
         return own / max(own + remaining, np.finfo(float).tiny)
 
 
-def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Thresholds) -> Trial:
-    """The model with those of the effects whose parameters differ from zero; `UndeterminedError` if
-    the recordings do not determine all parameters.
-    """
-    chosen = tuple(effects)
+def tried(fit: Fitted, search: Search, effects: Sequence[Judged]) -> Trial:
+    """The model with the effects that differ from zero; raises `UndeterminedError`."""
+    chosen, sigmas = tuple(effects), search.thresholds.method.parameter_sigmas
     while True:
         model, values = extended(search, fit.before, chosen, fit.training)
-        sure = tuple(
-            one
-            for one, own in zip(chosen, values, strict=True)
-            if differs(one, own, thresholds.method.parameter_sigmas)
-        )
+        pairs = zip(chosen, values, strict=True)
+        sure = tuple(one for one, own in pairs if differs(one, own, sigmas))
         if sure == chosen:
             break
         chosen = sure
     evidence = fit.evidence
-    left = residual(evidence, model)
-    beyond = residual(evidence, within(search, model)) if evidence.keeps else left
-
-    def learning() -> Learnt:
-        seen = evidence.moving
-        return learn(seen, seen.known, beyond[:, : len(evidence.joints)], folds(seen)[0])
-
+    left = evidence.residual(model)
+    beyond = evidence.residual(within(search, model)) if evidence.keeps else left
     return Trial(
         effects=chosen,
         zero=tuple(one for one in effects if one not in chosen),
         values=tuple(values),
         model=model,
         residual=left,
-        energy=normalized_energy(search, left),
-        left_share=left_share(search, [one.shaped for one in chosen]),
-        learning=learning,
-        thresholds=thresholds,
+        energy=search.normalized_energy(left),
+        left_share=search.left_share([one.shaped for one in chosen]),
+        learning=lambda: learn(evidence.moving, beyond, folds(evidence.moving).fold),
+        thresholds=search.thresholds,
     )
 
 
 def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
-    """Return whether a linear parameter of an effect differs from zero by more than so many
-    standard deviations, and by more than is usual.
-    """
+    """Return whether a linear parameter of an effect is more than noise and than usual."""
     changes = [value.change for value in values[: len(one.shaped.positive)]]
     usual = one.shaped.candidate.effect.usual
     return any(abs(change) > max(sigmas * std_dev, usual) for change, std_dev in changes)
@@ -339,26 +320,18 @@ class Proof:
 
 
 def proved(
-    fit: Fitted,
-    search: Search,
-    wanted: Sequence[Judged],
-    thresholds: Thresholds,
-    progress: Progress = silent,
+    fit: Fitted, search: Search, wanted: Sequence[Judged], progress: Progress = silent
 ) -> Proof:
-    """The `wanted` effects, strongest first, without those that fall short beside the others; they
-    are taken out one at a time, the weakest first.
-    """
-    before = tried(fit, search, (), thresholds)
+    """The `wanted` effects without the weakest of those that fall short, one after another."""
+    before, thresholds = tried(fit, search, ()), search.thresholds
     progress("what is left", 0.5)
     short: list[Short] = []
     known = unchanged(fit)
     while True:
-        trial = tried(fit, search, wanted, thresholds) if wanted else before
+        trial = tried(fit, search, wanted) if wanted else before
         gap = measure(fit, trial.model, thresholds.method, known)
-        failing = [
-            Short(one, why) for one in trial.effects if (why := objection(one, gap, thresholds))
-        ]
-        if not failing and trial.effects and (why := resemblance(trial, before, thresholds)):
+        failing = [Short(one, why) for one in trial.effects if (why := objection(one, gap))]
+        if not failing and trial.effects and (why := resemblance(trial, before)):
             failing = [Short(trial.effects[-1], why)]
         if not failing:
             break
@@ -371,39 +344,30 @@ def proved(
     return Proof(before, trial, gap, tuple(short), lines, pulsations(lines, thresholds))
 
 
-def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> Rejection | None:
-    """Why effects only resemble what is missing: they leave most of the energy beyond noise where
-    they act, and explain less than half of what a learner explains besides.
-    """
-    least = thresholds.method.simple_share
+def resemblance(trial: Trial, before: Trial) -> Rejection | None:
+    """Objection that effects leave most where they act, and explain little of the rest."""
+    least = trial.thresholds.method.simple_share
     if trial.left_share <= 1.0 - least or (share := trial.explained(before)) >= least:
         return None
     return Rejection(Reason.RESEMBLANCE, share, least)
 
 
-def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> Rejection | None:
-    """Why an effect does not close the gap where it acts; None if it does."""
+def objection(one: Judged, gap: Gap) -> Rejection | None:
+    """The reason why an effect does not close the gap where it acts; None if it does."""
     own = one.shaped.joints(gap.joints)
-    held_to, method = gap.held_to, thresholds.method
-    closed = held_to.closed_on(own)
+    held_to, method = gap.held_to, gap.method
+    closed, errors = held_to.closed_on(own), tuple(map(held_to.change, own))
     if not np.isfinite(closed):  # no gap that a model is known to close: it must not open one,
         ratio = held_to.after[own] / np.maximum(held_to.before[own], RESOLUTION)
         worse = (ratio > method.worse_factor) & (gap.after[own] > gap.before[own])
         still = not held_to.is_noise(own) and (ratio > 1.0 - RESOLUTION).all()  # and close some
-        widened = still or worse.any()
-        return (
-            Rejection(Reason.WIDENED, errors=tuple(map(held_to.change, own))) if widened else None
-        )
+        return Rejection(Reason.WIDENED, errors=errors) if still or worse.any() else None
     least = method.simple_share if _simple(one, method.simple_share) else method.closed_share
-    if closed >= least:
-        return None
-    return Rejection(Reason.CLOSED, closed, least, errors=tuple(map(held_to.change, own)))
+    return Rejection(Reason.CLOSED, closed, least, errors=errors) if closed < least else None
 
 
 def _simple(one: Judged, share: float) -> bool:
-    """Return whether an effect helps wherever it is asked, and no other is as good; one that a
-    shape bends leads by this share of its score.
-    """
+    """Return whether an effect helps everywhere, and no other is nearly as good."""
     asked = one.held_out[np.isfinite(one.held_out)]
     bent = one.shaped.shape or one.shaped.candidate.drawn
     alone = not one.indistinct and (not bent or one.margin > share * one.score)

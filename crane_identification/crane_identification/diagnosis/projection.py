@@ -1,4 +1,4 @@
-"""What candidates add to the base model, and the sets of them that explain the residual best."""
+"""Candidates beside the base model, and the sets of them that explain the residual best."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -7,14 +7,15 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.constants import FORCE_CORRELATION
+from crane_identification.diagnosis.evidence import (
     ROUNDING_SHARE,
     Evidence,
     beside,
     leading,
     says_nothing,
 )
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.estimation.autoregression import (
     Autoregression,
     predictors_of,
@@ -25,9 +26,6 @@ from crane_identification.estimation.autoregression import (
 
 DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
 ROWS_PER_DIRECTION = 12  # a channel with fewer rows does not carry another direction
-FORCE_CORRELATION = 0.999
-"""A column whose part beyond the base is correlated like this with the residual is the measured
-force itself: it explains everything, noise included, and says nothing."""
 
 
 class _Pick(NamedTuple):
@@ -52,7 +50,7 @@ class Whitener:
     zone: np.ndarray
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """(n, c, ...) to (N, ...)."""
+        """Whitened values (n, c, ...) as (N, ...)."""
         there = [values[:, channel].any() for channel in range(values.shape[1])]
         parts = []
         for channel, rows, polynomial, deviation in self.picks:
@@ -114,14 +112,14 @@ def _noise(
 
 
 def _used_before(used: np.ndarray, first: np.ndarray, highest: int) -> np.ndarray:
-    """(n,) used rows directly before each, of the same run, up to `highest`."""
+    """Used rows (n,) directly before each, of the same run, up to `highest`."""
     row = np.arange(len(used))
     none = first | ~np.concatenate([[False], used[:-1]])
     return np.minimum(row - np.maximum.accumulate(np.where(none, row, 0)), highest)
 
 
 def _by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """(n, ...) to (runs, longest run, ...), padded with zeros."""
+    """Values (n, ...) as (runs, longest run, ...), padded with zeros."""
     numbers, counts = np.unique(run, return_counts=True)
     out = np.zeros((len(numbers), counts.max(), *values.shape[1:]), dtype=values.dtype)
     for i, number in enumerate(numbers):
@@ -130,9 +128,7 @@ def _by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:
 
 
 class Base(NamedTuple):
-    """`basis` B (N, d), such that rows less B B^T of them are beside the whitened base, and the
-    `residual` (N,) of the force beside it.
-    """
+    """Basis B (N, d), of which rows less B B^T are beside the base, and the `residual` (N,)."""
 
     basis: np.ndarray
     residual: np.ndarray
@@ -315,9 +311,7 @@ def larger_sets(
     refused: Collection[Candidate] = (),
     first: int = 0,
 ) -> LargerSets:
-    """The sets with one candidate more than those of `beam`, without those that are `refused`, and
-    from the number `first` on.
-    """
+    """The sets with one candidate more, from number `first` on, that is not `refused`."""
     found: LargerSets = {}
     for start in beam:
         for subset in extended(projection, start, refused, first):
@@ -367,9 +361,7 @@ def extended(
 
 
 class BesideSet:
-    """The Schur complement of the columns `inside` (d,) of a set: the `score` (K,) of each column
-    after projection, and the coefficients `mixed` (d, K) of the projection.
-    """
+    """Scores (K,) and Gram matrices beside the columns `inside` (d,): Schur complements."""
 
     def __init__(self, projection: Projection, inside: np.ndarray) -> None:
         self._gram, self._inside = projection.gram, inside
@@ -411,9 +403,7 @@ def constrained(
 
 
 def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
-    """Joint solution of a set of candidates; None if a sign is wrong, a parameter is larger than
-    its effect may be, or columns coincide.
-    """
+    """Joint solution of candidates; None if a sign or size is wrong, or columns coincide."""
     columns = np.concatenate([projection.columns_of[i] for i in numbers])
     gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
     (values,), (apart,) = constrained(gram[None], score[None], projection.positive[None, columns])

@@ -1,4 +1,4 @@
-"""What these recordings can show: candidates that are visible beside the model, and in used rows.
+"""Candidates that these recordings can show: visible beside the model, and in used rows.
 
 Friction that shows around reversals alone, where the sign of a velocity is unknown and no row is
 used, is not asked for. Breakaway is over once a joint has slid some tenths of a millimetre. If it
@@ -11,18 +11,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import (
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.constants import (
+    FORCE_CORRELATION,
+    LITTLE_SHARE,
     MOST_SHARE,
-    TINY,
+    SHORT_LEAD,
+    SLIGHT_SHARE,
     VISIBLE_SHARE,
+)
+from crane_identification.diagnosis.evidence import (
+    TINY,
     Evidence,
     Run,
     beside,
     leading,
 )
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import (
-    FORCE_CORRELATION,
+from crane_identification.diagnosis.projection import (
     SINGULAR_SHARE,
     Base,
     Projection,
@@ -52,9 +57,7 @@ def _predicted(evidence: Evidence, run: Run) -> np.ndarray:
 
 
 def is_the_force_itself(evidence: Evidence, term: Term, joint: str) -> bool:
-    """Return whether a term on a joint explains a force that no load makes: what the model leaves
-    there, turned round in time within each run.
-    """
+    """Return whether a term explains a residual turned round in time: no load makes it."""
     j = evidence.joints.index(joint)
 
     def turned(run: Run) -> np.ndarray:
@@ -81,20 +84,17 @@ def is_the_force_itself(evidence: Evidence, term: Term, joint: str) -> bool:
 # The force that the model predicts has none: a reading that is late shows in that, too.
 
 LEAD = "lead"  # shape parameter [s]
-SHORT = 0.015  # s, in which filtered noise hardly changes
 
 
 def holds_noise(one: ShapedCandidate) -> bool:
     """Return whether a column holds the noise of the force itself."""
-    return float(one.shape.get(LEAD, 0.0)) > SHORT
+    return float(one.shape.get(LEAD, 0.0)) > SHORT_LEAD
 
 
 def of_own_noise(
     evidence: Evidence, whitener: Whitener, base: Base, found: list[ShapedCandidate]
 ) -> tuple[np.ndarray, set[Candidate]]:
-    """Which (candidates,) may explain but noise by itself, and their effects: those that show less
-    in the predicted force than in the measured one.
-    """
+    """Candidates (candidates,) that may explain only noise by itself, and their effects."""
     numbers = [number for number, one in enumerate(found) if LEAD in one.shape]
     predicted = with_predicted_force(evidence) if numbers else evidence
     own, late = np.zeros((2, len(found)))
@@ -129,22 +129,10 @@ def _gain(whitener: Whitener, base: Base, columns: np.ndarray) -> float:
     return float(((rest.T @ base.residual) ** 2).sum()) / power if power > 0.0 else 0.0
 
 
-ITSELF_TOLERANCE, ITSELF_CORRELATION = 0.05, 0.95
-"""The measured force explains itself with the coefficient one: a column that is within this
-tolerance of that and correlated with the residual by more than this is made of it, as |tau| sgn(v)
-is where friction is all that the force overcomes."""
-OWN_SHARE = 0.1
-"""Share of what a column of measured force shows beside the model, in energy, that is not there in
-one of the force that the model predicts: it is the residual itself, which explains itself."""
-SEEN_SHARE = 0.1
-"""Share of the norm of a column within the used rows, below which it is not sought there: ten times
-as much friction would have to be where none is seen."""
-
-
 def visible(
     projection: Projection, evidence: Evidence, whitener: Whitener
 ) -> tuple[np.ndarray, dict[Candidate, str]]:
-    """Which (candidates,) can be tested, and why others cannot."""
+    """Return whether each candidate can be tested, and the reasons against others."""
     itself = _force_itself(projection, evidence, whitener)
     itself |= _made_of_the_residual(projection, evidence, whitener, itself)
     candidates = [shaped.candidate for shaped in projection.candidates]
@@ -167,9 +155,7 @@ def visible(
 
 
 def _usual(projection: Projection) -> dict[Candidate, str]:
-    """Candidates whose parameters are those of any sound machine; none if one of them is not,
-    beside which others may be larger.
-    """
+    """Candidates whose parameters are those of any sound machine, unless one is larger."""
     found = {}
     for shaped, own in zip(projection.candidates, projection.columns_of, strict=True):
         effect = shaped.candidate.effect
@@ -192,9 +178,7 @@ def _least(candidate: Candidate) -> float:
 
 
 def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Candidate]:
-    """Candidates of one joint with a column that is, on the rows of that joint beside the model,
-    the residual there.
-    """
+    """Candidates with a column that is the residual of their joint beside the model."""
     joints = evidence.model.joints
     force, base = whitener(evidence.force), whitener(evidence.base)
     first = {shaped.candidate: shaped for shaped in reversed(projection.candidates)}
@@ -209,8 +193,8 @@ def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener
             columns = beside(known, whitener(shaped.columns)[rows])
             size, score = np.linalg.norm(columns, axis=0), rest @ columns
             alike = np.abs(score) / np.maximum(size * np.linalg.norm(rest), TINY)
-            once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < ITSELF_TOLERANCE
-            if ((alike > FORCE_CORRELATION) | (once & (alike > ITSELF_CORRELATION))).any():
+            once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < SLIGHT_SHARE
+            if ((alike > FORCE_CORRELATION) | (once & (alike > 1.0 - SLIGHT_SHARE))).any():
                 found.add(candidate)
     return found
 
@@ -218,9 +202,7 @@ def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener
 def _made_of_the_residual(
     projection: Projection, evidence: Evidence, whitener: Whitener, found: set[Candidate]
 ) -> set[Candidate]:
-    """Further candidates that follow the measured force and, beside the model, what it does not
-    predict: friction |tau| sgn(v) is tau again where most of the force is friction.
-    """
+    """Candidates that follow the force and, beside the model, its unpredicted part."""
     wanted = {
         shaped.candidate: shaped
         for shaped in projection.candidates
@@ -242,7 +224,7 @@ def _made_of_the_residual(
         alike = np.einsum("nk,nk->k", own, other) / np.maximum(
             np.linalg.norm(own, axis=0) * np.linalg.norm(other, axis=0), TINY
         )
-        if (1.0 - alike**2 > OWN_SHARE).any():
+        if (1.0 - alike**2 > LITTLE_SHARE).any():
             more.add(candidate)
     return more
 
@@ -262,14 +244,14 @@ def left_out(tried: Sequence[ShapedCandidate]) -> LeftOut:
     hidden, shares = [], dict[Candidate, list[float]]()
     for one in tried:
         rubs = one.term.is_friction()
-        hidden.append(rubs and one.seen < SEEN_SHARE)
+        hidden.append(rubs and one.seen < LITTLE_SHARE)
         if rubs:
             shares.setdefault(one.candidate, []).append(one.seen)
     whole = {
         candidate: "its peak lies in the rows that are left out around reversals; those that are "
-        f"used see {max(own):.1%} of it, {SEEN_SHARE:.0%} needed"
+        f"used see {max(own):.1%} of it, {LITTLE_SHARE:.0%} needed"
         for candidate, own in shares.items()
-        if max(own) < SEEN_SHARE
+        if max(own) < LITTLE_SHARE
     }
     seen = {candidate: min(own) ** 2 for candidate, own in shares.items()}
     return LeftOut(np.array(hidden), whole, seen)

@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import Evidence, residual
-from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.diagnosis.constants import POWER_RATIO, SLIGHT_SHARE, SURE_SIGMAS
+from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.fit import Fitted
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
@@ -28,19 +29,12 @@ Loads = tuple[Load, ...]
 
 LOADS = "loads"  # the field of a term that carries them
 NO_LOAD = "none"  # what the lightest recordings carry: masses count from it
-MASS_SIGMAS = 4.0  # standard deviations within which two masses are the same,
-MASS_SHARE = (
-    0.05  # or this share of the largest difference: no load is a point, nor quite at the tip
-)
 
-POWER_RATIO = 4.0
-"""By how much a load that nothing in training speaks for reduces the power of what is left of the
-joint that is worst off, at least; and how much more than in training is then left, at most."""
 BLOCKS = 8  # of a recording, one left out at a time: what is left is not white
 
 
 def load_of(evidence: Evidence, recordings: Sequence[int]) -> Load:
-    """One load in these recordings of the evidence."""
+    """A load that these recordings of the evidence have in common."""
     names = evidence.sources
     return Load(
         runs=tuple(sorted(run for i in recordings for run in evidence.bags[i])),
@@ -54,7 +48,7 @@ def one_each(evidence: Evidence) -> Loads:
 
 
 def heavier(evidence: Evidence, cls: type[Term]) -> tuple[Loads, ...]:
-    """One load in the heaviest recording, in the two heaviest, and so on up to all but one."""
+    """A load in the heaviest recording, in the two heaviest, and so on up to all but one."""
     columns = evidence.columns(cls.model_validate({LOADS: one_each(evidence)}))
     masses = evidence.roughly(columns)[-columns.shape[2] :]
     order = np.argsort(-masses, kind="stable").tolist()
@@ -62,9 +56,7 @@ def heavier(evidence: Evidence, cls: type[Term]) -> tuple[Loads, ...]:
 
 
 def agreeing(information: np.ndarray, score: np.ndarray, variance: float) -> list[list[int]]:
-    """The recordings grouped by mass, lightest first. `information` (b, b) and `score` (b,) are
-    those of the masses, `variance` is what noise and all that no mass explains have.
-    """
+    """Recordings grouped by mass, lightest first, by information (b, b) and score (b,)."""
     masses = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ score
     groups = [[int(i)] for i in np.argsort(masses, kind="stable")]
     while True:
@@ -74,7 +66,7 @@ def agreeing(information: np.ndarray, score: np.ndarray, variance: float) -> lis
             for k in range(len(groups) - 1)
         ]
         lost = np.array([gain - _of_groups(one, information, score)[1] for one in joined])
-        same = (lost < MASS_SIGMAS**2 * variance) | (np.diff(means) < MASS_SHARE * np.ptp(means))
+        same = (lost < SURE_SIGMAS**2 * variance) | (np.diff(means) < SLIGHT_SHARE * np.ptp(means))
         if not same.any():
             return groups
         groups = joined[int(np.argmin(np.where(same, lost, np.inf)))]
@@ -95,9 +87,7 @@ def _of_groups(
 
 @dataclass(frozen=True)
 class Weighed:
-    """What a held-out `recording` carries [kg] beyond the lightest of those trained on; `found` if
-    none of those differ.
-    """
+    """The load [kg] of a held-out `recording`; `found` if those trained on carry the same."""
 
     recording: str
     mass: float
@@ -109,8 +99,8 @@ def with_own_loads(
     model: Model, training: Evidence, held_out: Evidence
 ) -> tuple[Model, tuple[Weighed, ...]]:
     """The model with what each held-out recording carries, and these loads."""
-    usual = training.rms(residual(training, model))
-    return weighed(model, held_out, residual(held_out, model), usual)
+    usual = training.rms(training.residual(model))
+    return weighed(model, held_out, held_out.residual(model), usual)
 
 
 def weighed(
@@ -139,7 +129,7 @@ def weighed(
             for each in (force, force - mass * column)
         )
         sure = (
-            abs(mass) > MASS_SIGMAS * spread and POWER_RATIO * rest < power and rest < POWER_RATIO
+            abs(mass) > SURE_SIGMAS * spread and POWER_RATIO * rest < power and rest < POWER_RATIO
         )
         if known or sure:
             found[k] = Weighed(source, mass, spread, not known)
@@ -279,9 +269,7 @@ def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
 
 
 def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None) -> Given:
-    """The fields of a term that hold values of parameters of the model, as they are beside the
-    term.
-    """
+    """The fields of a term that hold values of the model, as they are beside the term."""
     known = [p.name for p in model.parameters]
     places = {
         field: [known.index(name) for name in names]
@@ -299,13 +287,10 @@ def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None)
             values = evidence.roughly(evidence.columns(Candidate(cls, joint, given).at({})))
         except CraneError:
             break  # not observable, which `observed` says
-        if all(_settled(before[at], values[at]) for at in places.values()):
+        changes = ((values[at] - before[at], SETTLED_SHARE * before[at]) for at in places.values())
+        if all(np.linalg.norm(change) <= np.linalg.norm(least) for change, least in changes):
             break
     return given
-
-
-def _settled(before: np.ndarray, after: np.ndarray) -> bool:
-    return bool(np.linalg.norm(after - before) <= SETTLED_SHARE * np.linalg.norm(before))
 
 
 def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any]) -> ShapedCandidate:
@@ -326,9 +311,7 @@ def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any])
 def observed(
     evidence: Evidence, wanted: list[Candidate], progress: Progress = silent
 ) -> tuple[list[ShapedCandidate], dict[Candidate, str]]:
-    """The candidates at their shapes, and why some, or some of their parameters, are not observable
-    in these recordings.
-    """
+    """The candidates at their shapes, and why some do not show in these recordings."""
     found: list[ShapedCandidate] = []
     absent = {}
     for number, candidate in enumerate(wanted):

@@ -8,8 +8,8 @@ from math import ceil
 import numpy as np
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis.fit.evidence import (
-    VISIBLE_SHARE,
+from crane_identification.diagnosis.constants import FEWEST_ROWS, ROWS_PER_PARAMETER, VISIBLE_SHARE
+from crane_identification.diagnosis.evidence import (
     Evidence,
     Zone,
     beside,
@@ -73,7 +73,7 @@ def refit(evidence: Evidence, sources: str, held: tuple[str, ...] = ()) -> Model
 
 
 def refit_anyway(evidence: Evidence, sources: str) -> tuple[Model, tuple[str, ...]]:
-    """The same with all parameters held that are not determined, and their names."""
+    """The refitted model, and the names of parameters that are held as not determined."""
     held: tuple[str, ...] = ()
     while True:
         try:
@@ -83,9 +83,7 @@ def refit_anyway(evidence: Evidence, sources: str) -> tuple[Model, tuple[str, ..
 
 
 def _no_more_than_measured(rows: Rows, names: tuple[str, ...]) -> Prior:
-    """By which each of these parameters is 0, give or take what makes as much force alone as was
-    measured.
-    """
+    """Prior by which none of these parameters makes more force alone than was measured."""
     force, unit, widths = rows.rms(rows.force), np.eye(len(rows.names)), []
     chosen = [rows.names.index(name) for name in names]
     for k in chosen:
@@ -97,7 +95,7 @@ def _no_more_than_measured(rows: Rows, names: tuple[str, ...]) -> Prior:
 
 
 def _alike(rows: Rows, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Those of the parameters whose columns are nearly combinations of others."""
+    """The parameters whose columns are nearly combinations of others."""
     weights = np.broadcast_to(balancing(rows), rows.force.shape)
     found = solve_weighted(rows, weights)
     norms = np.linalg.norm(rows.stacked * weights[rows.used][:, None], axis=0)
@@ -107,46 +105,32 @@ def _alike(rows: Rows, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _rows(evidence: Evidence) -> Rows:
+    """The rows that count, without what the nuisance columns explain."""
     parameters = evidence.model.parameters
-    matrix, force, used = _beside_nuisances(evidence)
+    p, counted = len(parameters), evidence.used.copy()
+    matrix, force = evidence.base[:, :, :p].copy(), evidence.force.copy()
+    for c, used in enumerate(evidence.used.T):
+        counted[:, c] &= not says_nothing(used, leading(evidence.base[used, c], len(used)))
+        nuisance = evidence.base[used, c, p:]
+        if nuisance.any():
+            known = leading(nuisance, nuisance.shape[1])
+            matrix[used, c] = beside(known, matrix[used, c])
+            force[used, c] = beside(known, force[used, c])
     return Rows(
         joints=tuple(f"{joint}, {zone.value}" for zone in Zone for joint in evidence.joints),
-        names=tuple(p.name for p in parameters),
-        units=tuple(p.unit for p in parameters),
+        names=tuple(one.name for one in parameters),
+        units=tuple(one.unit for one in parameters),
         time=evidence.time,
         run=evidence.run,
         matrix=matrix,
         force=force,
-        used=used,
+        used=counted,
     )
-
-
-def _beside_nuisances(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Regressor (n, c, p) and force (n, c) without what the nuisance columns explain, and which
-    rows count (n, c).
-    """
-    p = len(evidence.model.parameters)
-    matrix, force = evidence.base[:, :, :p].copy(), evidence.force.copy()
-    counted = evidence.used.copy()
-    for c, used in enumerate(evidence.used.T):
-        counted[:, c] &= not says_nothing(used, leading(evidence.base[used, c], len(used)))
-        nuisance = evidence.base[used, c, p:]
-        if not nuisance.any():
-            continue
-        known = leading(nuisance, nuisance.shape[1])
-        matrix[used, c] = beside(known, matrix[used, c])
-        force[used, c] = beside(known, force[used, c])
-    return matrix, force, counted
-
-
-ENOUGH_ROWS = 60
-"""Rows of the joint that moves most. No score exceeds the number of rows, whatever is missing."""
-ROWS_PER_PARAMETER = 3  # of the model, which leaves nothing to look into of fewer
 
 
 @dataclass(frozen=True)
 class Training:
-    """What models are fitted to: recordings, the `factor` of their rows, and their names."""
+    """Recordings that models are fitted to, the `factor` of their rows, and their names."""
 
     recordings: Sequence[Preparation]
     factor: int
@@ -202,6 +186,7 @@ def fitted(
         if fixed
         else determined(model, train, given.factor, given.sources)
     )
+    uncalibrated = tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated))
     absent = (p.name for term in left_out for p in term.parameters(model.setting))
     periods, not_periodic = _averaged(model, validation, options) if options.average else ((), [])
     return Fitted(
@@ -209,12 +194,12 @@ def fitted(
         left_out=left_out,
         undetermined=(*absent, *held),
         training=given,
-        evidence=evidence,
+        evidence=replace(evidence, counts=bool(uncalibrated)),
         held_out=gather(before, hold, given.factor, first_run=len(train)),
         fixed=fixed,
         periods=periods,
         session=session,
-        uncalibrated=tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated)),
+        uncalibrated=uncalibrated,
         warnings=(*(one for log in logs for one in log.warnings), *not_periodic),
     )
 
@@ -222,9 +207,7 @@ def fitted(
 def _averaged(
     model: Model, logs: Sequence[Log], options: Options
 ) -> tuple[tuple[Preparation, ...], list[str]]:
-    """The validation recordings averaged, if they are periodic, and which do not have the period
-    that was given.
-    """
+    """Periodic validation recordings averaged, and those that lack the given period."""
     found: list[Preparation] = []
     told = []
     for log in logs:
@@ -240,14 +223,12 @@ def _averaged(
 
 
 def decimation(model: Model, training: Sequence[Preparation], given: int | None) -> int:
-    """The factor of the rows: the `given` one, or that of the motion. Of short recordings more rows
-    are kept; whitening takes care of their noise.
-    """
+    """The `given` factor of the rows, or that of the motion; short recordings keep more rows."""
     factor = common_factor(training, given)
     if given is not None:
         return factor
     samples = int(sum(one.moving.sum(axis=0) for one in training).max())
-    enough = max(ENOUGH_ROWS, ROWS_PER_PARAMETER * len(model.parameters))
+    enough = max(FEWEST_ROWS, ROWS_PER_PARAMETER * len(model.parameters))
     return max(min(factor, samples // enough), ceil(KEPT_SHARE * factor))
 
 
@@ -273,22 +254,18 @@ def determined(
 
 
 def _dispensable(evidence: Evidence, error: UndeterminedError) -> Term | None:
-    """Of the terms that are not determined, the one without which least is left unexplained."""
+    """The term that is not determined and whose absence leaves least unexplained."""
     model, costs = evidence.model, dict[Term, float]()
+    weight = np.where(evidence.force_rms > 0.0, evidence.force_rms, 1.0)
+    scaling = np.broadcast_to(1.0 / weight, evidence.force.shape)[evidence.used]
+    force = evidence.force[evidence.used] * scaling  # each joint in its unit
     for term in model.terms:
         names = {p.name for p in term.parameters(model.setting)}
         if names <= set(error.names) and len(model.terms) > 1:
-            costs[term] = _left(evidence, model.part(term))
+            columns = np.delete(evidence.base, model.part(term), axis=2)[evidence.used]
+            matrix = columns * scaling[:, None]
+            costs[term] = float(((force - matrix @ least_squares(matrix, force)) ** 2).sum())
     return min(costs, key=lambda term: costs[term]) if costs else None
-
-
-def _left(evidence: Evidence, without: slice) -> float:
-    """Energy of the force beside the model without some columns, each joint in its unit."""
-    weight = np.where(evidence.force_rms > 0.0, evidence.force_rms, 1.0)
-    columns = np.delete(evidence.base, without, axis=2)[evidence.used]
-    scaling = np.broadcast_to(1.0 / weight, evidence.force.shape)[evidence.used]
-    matrix, force = columns * scaling[:, None], evidence.force[evidence.used] * scaling
-    return float(((force - matrix @ least_squares(matrix, force)) ** 2).sum())
 
 
 def check_values(model: Model) -> None:

@@ -8,35 +8,28 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
-from crane_identification.diagnosis.decision.judgement import (
-    Folds,
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.constants import FAMILY_LEAD_SHARE, LITTLE_SHARE, SLIGHT_SHARE
+from crane_identification.diagnosis.evidence import TINY, beside, leading, least_squares
+from crane_identification.diagnosis.judgement import (
     Judged,
     Reason,
     Rejection,
     all_judged,
+    chance_of,
     folds_asked,
     found_values,
     held_out_gains,
-    helps,
     in_place_of,
+    predicts,
+    with_other,
     without,
 )
-from crane_identification.diagnosis.decision.several import as_kinds
-from crane_identification.diagnosis.fit.evidence import TINY, beside, leading, least_squares
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.projection import Subset, solve
-from crane_identification.diagnosis.search.search import (
-    ForceSignature,
-    Search,
-    explained,
-    shape_of,
-    strength,
-    unexplained_beside,
-)
-from crane_identification.diagnosis.search.selection import ForwardSelection
-from crane_identification.thresholds import Thresholds
+from crane_identification.diagnosis.projection import Subset
+from crane_identification.diagnosis.search import ForceSignature, Search, shape_of
+from crane_identification.diagnosis.selection import ForwardSelection
+from crane_identification.diagnosis.several import as_kinds
 from crane_model.terms.nonparametric import NonparametricTerm
 
 # Which law of one signature an effect follows, told by how its shape bends and whether it falls.
@@ -47,35 +40,31 @@ from crane_model.terms.nonparametric import NonparametricTerm
 # But friction that has fallen is still there, of which a law that falls leaves nothing, or less,
 # where a strong loss bends.
 
-FALL_SHARE = 0.05  # of the height of a shape, by which friction falls at least where it does
-LEAD_SHARE = 0.003  # of what the own family explains, that another one explains more at least
-KINETIC_SHARE = 0.1  # of friction at rest, that is left of it at least where friction has fallen
-
 
 def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tuple[str, ...]:
     """Types of the laws a curve of whose family explains clearly more than any of that of `law`,
     beside the `rest` (n, c, k each), and which fall where friction does, best first; none where the
     shape does not tell. Those of a falling `law` that leaves no friction need not explain more.
     """
-    cls, shaped, base, white = shape_of(law), search.shapes.of(law), search.base, search.whitener
+    cls, shaped = shape_of(law), search.shapes.of(law)
     if cls is None or shaped is None or law.type not in cls.families:
         return ()
     friction = _friction(search, shaped, rest, cls)
     if friction is None:
         return ()
     speed, fallen, gone = friction
-    falls = fallen > FALL_SHARE and not gone
-    own = beside(base.basis, white(shaped.columns))
+    falls = fallen > SLIGHT_SHARE and not gone
+    own = search.beside(shaped.columns)
     if rest:
-        others = beside(base.basis, white(np.concatenate(rest, axis=2)))
+        others = search.beside(*rest)
         own = beside(leading(others, others.shape[1]), own)
-    gram, score, gains = own.T @ own, own.T @ base.residual, dict[str, float]()
+    gram, score, gains = own.T @ own, own.T @ search.base.residual, dict[str, float]()
     for kind in cls.families:
         if kind == law.type or (kind in cls.falling) == falls:
             curves = cls.family_of(kind, speed)  # of more friction, not of less
             power = np.maximum(np.einsum("km,kl,lm->m", curves, gram, curves), TINY)
             gains[kind] = float((np.maximum(curves.T @ score, 0.0) ** 2 / power).max())
-    known = (1.0 + LEAD_SHARE) * gains.pop(law.type)
+    known = (1.0 + FAMILY_LEAD_SHARE) * gains.pop(law.type)
     least = -np.inf if law.type in cls.falling and gone else known
     better = [kind for kind, gain in gains.items() if gain > least]
     return tuple(sorted(better, key=lambda kind: -gains[kind]))
@@ -105,86 +94,68 @@ def _friction(
     fall = (np.maximum.accumulate(friction) - friction).max()
     ends = [cls.straight_from, -1]
     left = np.polyfit(speed[ends], friction[ends], 1)[-1]
-    gone = bool(left < KINETIC_SHARE * max(friction[0], 0.0))
+    gone = bool(left < LITTLE_SHARE * max(friction[0], 0.0))
     return speed, float(fall / max(np.ptp(curve.values), TINY)), gone
 
 
-# An effect and its nonparametric curve: a further effect has to explain what no curve of a stronger
-# one does; an effect is rejected if a signature explains more that the catalogue does not know; and
-# if no model form fits, the curve is kept.
+# An effect and its nonparametric curve: an effect is rejected if a signature explains more that the
+# catalogue does not know; and if no model form fits, the curve is kept.
 
 
-def rival(
-    search: Search, subset: Subset, place: int, thresholds: Thresholds
-) -> ForceSignature | None:
-    """The signature that explains most of what one effect of a set does, and clearly more than any
-    curve of it, also of recordings that it is not fitted to; None if there is none.
-    """
-    own = _candidates(search, subset)[place]
+def of_better_signature(
+    search: Search, subset: Subset, settled: int = 0
+) -> tuple[Subset, list[Rejection]]:
+    """The set with laws of clearly better signatures, and rejections by unlisted ones."""
+    strange = []
+    for place in range(settled, len(subset.numbers)):
+        other = _rival(search, subset, place)
+        if other is not None:
+            better = _with_law_of(search, subset, place, other.types)
+            known = without(search, subset, place).gain
+            most = search.thresholds.method.simple_share * (subset.gain - known)
+            if better is None:
+                strange.append(Rejection(Reason.SIGNATURE, about=(other.said,)))
+            elif better.gain - known >= most:
+                subset = better
+    return subset, strange
+
+
+def _rival(search: Search, subset: Subset, place: int) -> ForceSignature | None:
+    """The signature that explains clearly more than any curve of an effect, also held out."""
+    candidates = search.projection.candidates
+    own = candidates[subset.numbers[place]]
     if own.candidate.joint is None or own.candidate.changes:
         return None
-    rest = [one.columns for one in _candidates(search, without(search, subset, place))]
+    rest = [candidates[i].columns for i in without(search, subset, place).numbers]
     shaped = search.shapes.of(own.candidate)
     free = [own.columns, *([] if shaped is None else [shaped.columns])]
-    known = explained(search, *rest, *free)
-    least = thresholds.method.lead_share * unexplained_beside(search, subset, place)
+    known = search.explained(*rest, *free)
+    least = search.thresholds.method.lead_share * search.unexplained_beside(subset, place)
     best, most = None, known
     for other in signatures(search, own.candidate.joint):
         if own.candidate.type in (*other.types, *other.term.holds):
             continue
         if not other.types and other.term.is_of_sensors():
             continue  # beside any effect: asked for in the end
-        reached = explained(search, *rest, other.columns)
-        if reached - known <= max(least, chance_of(other.columns, thresholds)) or reached <= most:
-            continue
-        gains, _ = held_out_gains(search, [*rest, *free], other.columns)
-        if helps(gains, thresholds):
+        reached = search.explained(*rest, other.columns)
+        clear = reached - known > max(least, chance_of(search, other.columns))
+        if clear and reached > most and predicts(search, [*rest, *free], other.columns):
             best, most = other, reached
     return best
 
 
-def of_better_signature(
-    search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0
-) -> tuple[Subset, list[Rejection]]:
-    """The set with effects, but the first `settled`, replaced by those whose signature is clearly
-    better, and rejections by signatures that no effect has.
-    """
-    strange = []
-    for place in range(settled, len(subset.numbers)):
-        other = rival(search, subset, place, thresholds)
-        if other is not None:
-            better = _with_law_of(search, subset, place, other.types)
-            if better is None:
-                strange.append(Rejection(Reason.SIGNATURE, about=(other.said,)))
-            elif _holds(search, subset, place, better, thresholds):
-                subset = better
-    return subset, strange
-
-
-def _holds(
-    search: Search, subset: Subset, place: int, better: Subset, thresholds: Thresholds
-) -> bool:
-    """Return whether a law in the place of an effect explains most of what the effect does."""
-    least = thresholds.method.simple_share
-    known = without(search, subset, place).gain
-    return better.gain - known >= least * (subset.gain - known)
-
-
 def _with_law_of(search: Search, subset: Subset, place: int, types: Sequence[str]) -> Subset | None:
     """The set with the best law of these types in the place of an effect, if there is one."""
-    joint = _candidates(search, subset)[place].candidate.joint
-    for swapped in in_place_of(search, subset, place):
-        law = search.projection.candidates[swapped.numbers[-1]].candidate
+    candidates = search.projection.candidates
+    joint = candidates[subset.numbers[place]].candidate.joint
+    for swapped in in_place_of(search, subset, place) if types else ():
+        law = candidates[swapped.numbers[-1]].candidate
         if law.type in types and law.joint == joint:
-            numbers = list(subset.numbers)
-            numbers[place] = swapped.numbers[-1]
-            return solve(search.projection, tuple(numbers))
+            return with_other(search, subset, place, swapped.numbers[-1])
     return None
 
 
-def as_drawn(
-    selection: ForwardSelection, passed: Sequence[Judged], thresholds: Thresholds
-) -> tuple[Judged, ...]:
+def as_drawn(selection: ForwardSelection, passed: Sequence[Judged]) -> tuple[Judged, ...]:
     """The effects under the law whose curves fit best, or with the curve if no law fits."""
     out, search = list(passed), selection.search
     subset = search.together(one.shaped for one in out)
@@ -195,40 +166,34 @@ def as_drawn(
             laws = likelier(search, one.shaped.candidate, rest)
             named = _with_law_of(search, subset, place, laws[:1])
             if named is not None:
-                subset, one = named, all_judged(search, named, thresholds)[place]
+                subset, one = named, all_judged(search, named)[place]
                 shaped = search.shapes.of(one.shaped.candidate) or shaped
-            left = unexplained_beside(search, subset, place)
-            asked = folds_asked(search, one.shaped, found_values(search, subset, place))
-            out[place] = _better(selection, one, shaped, rest, left, asked, thresholds)
+            out[place] = _better(selection, subset, place, one, shaped, rest)
     return tuple(out)
 
 
 def _better(
     selection: ForwardSelection,
+    subset: Subset,
+    place: int,
     law: Judged,
     shaped: ShapedCandidate,
     rest: Sequence[np.ndarray],
-    left: float,
-    asked: Folds,
-    thresholds: Thresholds,
 ) -> Judged:
-    """The effect with its law or, if that explains clearly more beside the `rest` (n, c, k each),
-    also in the folds `asked`, with its curve. Clearly more is much of what the law explains or of
-    what is `left` where it acts.
-    """
-    search, method = selection.search, thresholds.method
-    lead = explained(search, *rest, shaped.columns) - explained(search, *rest, law.shaped.columns)
-    least = min(method.further_share * law.score, method.kin_lead_share * left)
-    if lead <= max(least, chance_of(shaped.columns, thresholds)):
+    """The effect with its law or, if that explains clearly more also held out, its curve."""
+    search, method = selection.search, selection.search.thresholds.method
+    lead = search.explained(*rest, shaped.columns) - search.explained(*rest, law.shaped.columns)
+    left, chance = search.unexplained_beside(subset, place), chance_of(search, shaped.columns)
+    if lead <= max(min(method.further_share * law.score, method.kin_lead_share * left), chance):
         return law
+    asked = folds_asked(search, law.shaped, found_values(search, subset, place))
     gains, _ = held_out_gains(search, [*rest, law.shaped.columns], shaped.columns, asked)
-    if np.nansum(gains) <= chance_of(shaped.columns, thresholds):
+    if np.nansum(gains) <= chance:
         return law
     number = selection.add(shaped)
     search = selection.search
     held_out, names = held_out_gains(search, rest, shaped.columns, asked)
-    score = law.score + lead
-    known = law.shaped.candidate
+    score, known = law.score + lead, law.shaped.candidate
     alike = [
         other.candidate
         for other in law.rivals
@@ -242,7 +207,7 @@ def _better(
         fold_names=names,
         margin=law.margin + lead,
         indistinct=tuple(alike),
-        strength=strength(search, number, score),
+        strength=search.strength(number, score),
     )
 
 
@@ -264,28 +229,12 @@ def signatures(search: Search, joint: str) -> list[ForceSignature]:
     return [*known, *search.shapes.unlisted_signatures(joint)]
 
 
-def _candidates(search: Search, subset: Subset) -> list[ShapedCandidate]:
-    return [search.projection.candidates[number] for number in subset.numbers]
-
-
-def chance_of(columns: np.ndarray, thresholds: Thresholds) -> float:
-    """Gain that chance gives to so many columns (n, c, k) at most, times what the sensor chain
-    adds.
-    """
-    level = 1.0 - thresholds.method.false_alarm_rate / 2.0
-    return thresholds.gates.score_factor * float(chi2.ppf(level, columns.shape[2]))
-
-
-# The selection beside shapes that were drawn.
-#
-# Where no law fits an effect, what its law leaves hides a weaker one. Its shape leaves nothing:
-# further effects are sought beside that, with all of its values free.
+# The selection beside shapes that were drawn: if no law fits an effect, what its law leaves hides a
+# weaker one. Its shape leaves nothing: further effects are sought beside it.
 
 
 def start_beside(selection: ForwardSelection, passed: Sequence[Judged]) -> bool:
-    """Let the selection go on from effects of which some were drawn; false if none was, or if they
-    have no solution together.
-    """
+    """Let the selection go on from effects if some were drawn; return whether it does."""
     if not any(one.shaped.candidate.drawn for one in passed):
         return False
     start = selection.search.together(one.shaped for one in passed)
@@ -300,31 +249,24 @@ def best_beside(selection: ForwardSelection, size: int, settled: Sequence[Judged
     drawn = [one.shaped.candidate for one in settled if one.shaped.candidate.drawn]
     if not drawn:
         return selection.best(size)
+    known = {(one.joint, shape_of(one)) for one in drawn}
     for subset in selection.sets(size):
         further = [
             selection.search.projection.candidates[number].candidate
             for number in subset.numbers[len(settled) :]
         ]
-        if not any(_of_shape(one, shape) for one in further for shape in drawn):
+        if not any((one.joint, shape_of(one)) in known for one in further):
             return subset
     return None
 
 
-def _of_shape(law: Candidate, drawn: Candidate) -> bool:
-    return law.joint == drawn.joint and shape_of(law) is shape_of(drawn)
-
-
-def judged_beside(
-    search: Search, subset: Subset, settled: Sequence[Judged], thresholds: Thresholds
-) -> list[Judged]:
-    """The effects of a set. Those that are `settled` are weighed anew as kinds or, if one was
-    drawn, stay as they are.
-    """
-    found, known = all_judged(search, subset, thresholds), len(settled)
+def judged_beside(search: Search, subset: Subset, settled: Sequence[Judged]) -> list[Judged]:
+    """The effects of a set; `settled` ones are judged as kinds or stay if one was drawn."""
+    found, known = all_judged(search, subset), len(settled)
     if any(one.shaped.candidate.drawn for one in settled):
         stay = [
             old if old.shaped.candidate == new.shaped.candidate else new
             for old, new in zip(settled, found[:known], strict=True)
         ]
         return [*stay, *found[known:]]
-    return as_kinds(search, found, known, thresholds)
+    return as_kinds(search, found, known)

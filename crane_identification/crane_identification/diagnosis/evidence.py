@@ -1,47 +1,41 @@
-"""What recordings say about a model: its regressor and the force, filtered alike, run by run.
+"""Evidence of recordings about a model: its regressor and the force, filtered run by run.
 
 Nothing is averaged over periods: drift and memory stay visible. Each joint is asked in two zones:
 while it moves, where friction is settled, and close to its reversals, where effects with memory
 show and the velocity estimate is at its worst. Their rows have noise of their own.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cache, cached_property
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-from scipy import ndimage, signal
 
+from crane_identification.data.column_map import COUNTS
+from crane_identification.diagnosis.constants import CHANNEL_ROWS, OPEN_TURNING, ROWS_PER_UNKNOWN
 from crane_identification.estimation.regression import LEAST_OPEN_SHARE
 from crane_identification.preparation.run import Preparation
-from crane_identification.signals.decimate import PASS_BAND_SHARE, decimation_rows
+from crane_identification.signals.decimate import decimation_rows
+from crane_identification.signals.gated import GatedFilter, thinned
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Term, joints_of, nuisances, typical
 
-# Gapless runs, and how their samples become rows: zones, low-pass and decimation.
-#
-# A linear filter on both sides of (28) leaves Theta as it is. With a finite response only the rows
-# that are kept cost anything, which counts with hundreds of columns.
-
-OPEN_TURNING = 0.15
-"""As `LEAST_OPEN_SHARE` close to reversals, which are shorter than what the filter sees."""
-CYCLES = 12  # length of the response, in rows that are kept
-STOP_BAND = 6.0  # shape of the Kaiser window: 60 dB
+# Gapless runs, and how their samples become rows in two zones.
 
 
 class Zone(Enum):
-    """Which samples of a joint are asked."""
+    """The samples of a joint that are asked."""
 
     MOVING = "while it moves"
     TURNING = "close to reversals"
 
     def gate(self, preparation: Preparation) -> np.ndarray:
-        """(samples, j): 1.0 within the zone."""
+        """The samples (samples, j) within the zone, as 1.0."""
         if self is Zone.MOVING:
             return preparation.moving.astype(float)
         return (preparation.signed & ~preparation.moving).astype(float)
@@ -68,140 +62,101 @@ class Run:
 
     @cached_property
     def seen(self) -> np.ndarray:
-        """(samples, j): 1.0 where a channel of the joint sees it."""
+        """Samples (samples, j) that a channel of the joint sees, as 1.0."""
         joints = self.record.position.shape[1]
         return (self.gate.reshape(len(self.gate), -1, joints) > 0.0).any(axis=1).astype(float)
 
-    def reached(self, flags: np.ndarray) -> np.ndarray:
-        """(n, ...): whether the filter of a row reaches a sample with a flag (samples, ...)."""
-        size = 1 if self.factor == 1 else CYCLES * self.factor + 1
-        return ndimage.maximum_filter1d(flags.astype(np.uint8), size, axis=0)[self.kept] > 0
-
     @cached_property
-    def _open(self) -> "_Open":
-        return _opened(self.gate, self.factor)
+    def _filter(self) -> GatedFilter:
+        return GatedFilter(self.gate, self.factor)
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
-        """(samples, j, k) to gated rows (n, channels, k); columns of zeros cost next to nothing."""
-        if self.factor == 1:
-            zones = self.gate.shape[1] // columns.shape[1]
-            return np.tile(columns, (1, zones, 1)) * self.gate[..., np.newaxis]
-        return _gated(columns, self._open, _response(self.factor))
-
-
-def thinned(values: np.ndarray, factor: int) -> np.ndarray:
-    """Values (n, ...) at `decimation_rows`, filtered with zero phase; zero beyond the ends."""
-    if factor == 1:
-        return values
-    flat = values.reshape(len(values), 1, -1)
-    out = _gated(flat, _opened(np.ones((len(values), 1)), factor), _response(factor))
-    return out.reshape(len(out), *values.shape[1:])
-
-
-def row_noise(factor: int) -> float:
-    """Standard deviation of a row over that of samples whose noise is white."""
-    return 1.0 if factor == 1 else float(np.linalg.norm(_response(factor)))
-
-
-class _Open(NamedTuple):
-    """Samples at which the gates of channels are open, and by how much. Sample `factor` m + p of
-    the window of a row lies at (p, m) of `phases`; those of a channel end at `ends` (channels,).
-    """
-
-    sample: np.ndarray
-    gate: np.ndarray
-    place: np.ndarray
-    ends: np.ndarray
-    phases: tuple[int, int]
-    rows: int
-
-
-def _opened(gate: np.ndarray, factor: int) -> _Open:
-    taps, kept = len(_response(factor)), decimation_rows(len(gate), factor)
-    phases = factor, len(kept) + taps // factor + 1
-    first = int(kept[0]) - taps // 2 if len(kept) else 0  # before the first sample there are zeros
-    channel, sample = np.nonzero(gate.T)
-    later, phase = np.divmod(sample - first, factor)
-    ends = np.searchsorted(channel, np.arange(gate.shape[1]), side="right")
-    place = phase * phases[1] + later
-    return _Open(sample, gate[sample, channel], place, ends, phases, len(kept))
-
-
-@njit(cache=True)
-def _gated(columns: np.ndarray, open_: _Open, response: np.ndarray) -> np.ndarray:
-    """(rows, channels, k): columns (n, j, k), j channels in turn, gated and filtered by a response
-    (taps,).
-    """
-    joints, width = columns.shape[1:]
-    out = np.zeros((open_.rows, len(open_.ends), width))
-    row, begin = np.empty(open_.rows), 0
-    for channel in range(len(open_.ends)):
-        end = open_.ends[channel]
-        phases = np.zeros(open_.phases)
-        flat = phases.ravel()
-        for k in range(width):
-            acts = False
-            for i in range(begin, end):
-                x = columns[open_.sample[i], channel % joints, k] * open_.gate[i]
-                flat[open_.place[i]] = x
-                acts |= x != 0.0
-            if acts:
-                _seen(phases, response, row)
-                out[:, channel, k] = row
-        begin = end
-    return out
-
-
-@njit(cache=True)
-def _seen(phases: np.ndarray, response: np.ndarray, row: np.ndarray) -> None:
-    row[:] = 0.0
-    for tap in range(len(response)):
-        weight = response[len(response) - 1 - tap]
-        samples = phases[tap % len(phases), tap // len(phases) :]
-        for k in range(len(row)):
-            row[k] += samples[k] * weight
-
-
-@cache
-def _response(factor: int) -> np.ndarray:
-    taps = CYCLES * factor + 1
-    return signal.firwin(
-        taps + 1 - taps % 2, PASS_BAND_SHARE / factor, window=("kaiser", STOP_BAND)
-    )
-
-
-# What a law may depend on: quantities of the records, by name.
+        """Columns (samples, j, k) as gated rows (n, channels, k)."""
+        return self._filter.rows(columns)
 
 
 @dataclass(frozen=True)
 class Features:
-    """What a law may depend on: `values` (n, f) at the rows of the evidence, and their names."""
+    """Quantities that a law may depend on: `values` (n, f) on the rows, and their names."""
 
     names: tuple[str, ...]
     values: np.ndarray
 
 
+_Reader = Callable[[Record, int], np.ndarray]
+
+
+def _signal(name: str) -> _Reader:
+    """Reader of a signal, that of the joint if each has one."""
+
+    def read(record: Record, j: int) -> np.ndarray:
+        values = record.needed(name, "a plot against it")
+        return values if values.ndim == 1 else values[:, j]
+
+    return read
+
+
+_force, _chamber_a, _chamber_b = map(_signal, ("force", "pressure_a", "pressure_b"))
+QUANTITIES: dict[str, tuple[str, _Reader | None]] = {
+    "position": ("{q}", lambda record, j: record.position[:, j]),
+    "velocity": ("{q}/s", lambda record, j: record.velocity[:, j]),
+    "acceleration": ("{q}/s2", lambda record, j: record.acceleration[:, j]),
+    "way": ("{q}", None),
+    "way since it turned": (
+        "{q}",
+        lambda record, j: way_since_turned(record.position[:, j], record.velocity[:, j]),
+    ),
+    "force": ("{f}", _force),
+    "force against the motion": (
+        "{f}",
+        lambda record, j: _force(record, j) * record.direction[:, j],
+    ),
+    "rate of the force": ("{f}/s", lambda record, j: _rate_of_force(record)[:, j]),
+    "lead": ("s", None),
+    "pressure sum": ("Pa", lambda record, j: _chamber_a(record, j) + _chamber_b(record, j)),
+    "pressure of chamber B": ("Pa", _chamber_b),
+    "valve command": ("1", _signal("command")),
+    "extension of the telescope": ("m", None),
+    "inclination of the telescope": ("rad", None),
+    "slew velocity": ("rad/s", _signal("slew_velocity")),
+    "temperature": ("°C", _signal("temperature")),
+    "time": ("s", lambda record, j: record.time),
+    "recording": ("1", None),
+}
+"""Units, with those of the coordinate {q} and the force {f} of a joint, and how they are read."""
+
+
+def _rate_of_force(record: Record) -> np.ndarray:
+    known = record.force_rate
+    return record.rate(record.needed("force", "a plot against it")) if known is None else known
+
+
+OF_A_JOINT = (
+    *("position", "velocity", "acceleration", "way since it turned"),
+    *("force", "pressure sum", "valve command"),
+)
+
+
 def quantities(record: Record) -> dict[str, np.ndarray]:
-    """What a law may depend on, by name: (n,) each."""
-    out: dict[str, np.ndarray] = {}
+    """Quantities (n,) that a law may depend on, by name, as far as they were recorded."""
+    asked = []
     for j, joint in enumerate(record.joints):
-        q, v = record.position[:, j], record.velocity[:, j]
-        out[f"position of {joint}"] = q
-        out[f"velocity of {joint}"] = v
-        out[f"acceleration of {joint}"] = record.acceleration[:, j]
-        out[f"way of {joint} since it turned"] = way_since_turned(q, v)
-        assert record.force is not None  # evidence has it
-        out[f"force of {joint}"] = record.force[:, j]
-        if record.pressure_a is not None and record.pressure_b is not None:
-            out[f"pressure sum of {joint}"] = record.pressure_a[:, j] + record.pressure_b[:, j]
-        if record.command is not None:
-            out[f"valve command of {joint}"] = record.command[:, j]
-    if record.slew_velocity is not None:
-        out["slew velocity"] = record.slew_velocity
-    if record.temperature is not None:
-        out["temperature"] = record.temperature
-    out["time"] = record.time
+        for name in OF_A_JOINT:
+            what, *since = name.split(" since ")
+            asked.append((" since ".join([f"{what} of {joint}", *since]), name, j))
+    asked += [(name, name, 0) for name in ("slew velocity", "temperature", "time")]
+    out: dict[str, np.ndarray] = {}
+    for title, name, j in asked:
+        reader = QUANTITIES[name][1]
+        with suppress(DataError):
+            if reader is not None:
+                out[title] = reader(record, j)
     return out
+
+
+def counted(unit: str) -> str:
+    """The unit of a quantity of sensors that are not calibrated."""
+    return unit if unit in ("1", "s", "°C") else COUNTS
 
 
 def way_since_turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -212,19 +167,11 @@ def way_since_turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 TINY = np.finfo(float).tiny
-MOST_SHARE = 0.5  # from which on a share is most of something
 ROUNDING_SHARE = 1e-8  # of the largest eigenvalue: directions below are rounding
-VISIBLE_SHARE = 0.02
-"""Share of a column's norm that must be left beside the others for what it stands for to show: for
-an effect to be testable, and for a parameter of the model to be determined."""
-ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about what it lacks
-FEWEST_ROWS = 8
 
 
 class ShownTerm(NamedTuple):
-    """The `columns` (n, c, k) of a term, the share of its norm in samples that are `seen`, and the
-    ratio of rms to which the filter has `damped` it.
-    """
+    """The `columns` (n, c, k) of a term, their share `seen`, and the filter's ratio `damped`."""
 
     columns: np.ndarray
     seen: float
@@ -238,6 +185,7 @@ class Evidence:
     Channels are the j joints in the first zone, then in the second. `run` and `bag` (n,) number
     runs and recordings. The first columns of `base` are the regressor of the model, the rest
     nuisance close to reversals. If values of the model are kept, `std_devs` (p,) are theirs.
+    Sensors that are not calibrated give `counts`.
     """
 
     model: Model
@@ -249,6 +197,7 @@ class Evidence:
     base: np.ndarray
     used: np.ndarray
     std_devs: np.ndarray | None = None
+    counts: bool = field(default=False, kw_only=True)
 
     @property
     def keeps(self) -> bool:
@@ -318,6 +267,30 @@ class Evidence:
     def force_rms(self) -> np.ndarray:
         return self.rms(self.force)
 
+    def over_zones(self, values: np.ndarray) -> np.ndarray:
+        """Root mean square (j,) of values (n, c) over the used rows of both zones of a joint."""
+        shape = len(values), -1, len(self.joints)
+        power = (np.where(self.used, values, 0.0) ** 2).reshape(shape)
+        rows = self.used.reshape(shape).sum(axis=(0, 1))
+        return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
+
+    def relative(self, values: np.ndarray) -> np.ndarray:
+        """Root mean square (j,) over the used rows, relative to that of the force."""
+        return self.over_zones(values) / self.over_zones(self.force)
+
+    def acting(self, columns: np.ndarray, values: np.ndarray) -> float:
+        """Root mean square of columns (n, c, k) with values (k,) over that of the force."""
+        return float(np.nan_to_num(self.relative(columns @ values)).max())
+
+    def residual(self, model: Model) -> np.ndarray:
+        """Measured less predicted force (n, c)."""
+        predicted = self.regressor(model) @ model.theta
+        return np.where(self.used, self.force - predicted, 0.0)
+
+    def unit(self, unit: str) -> str:
+        """A unit, or counts if that is what sensors give."""
+        return counted(unit) if self.counts else unit
+
     def rms(self, values: np.ndarray) -> np.ndarray:
         """Root mean square (c,) of values (n, c) over the used rows."""
         power = (np.where(self.used, values, 0.0) ** 2).sum(axis=0)
@@ -362,9 +335,7 @@ class Evidence:
         return np.concatenate([run.filtered(model.regressor(run.record)) for run in self.runs])
 
     def roughly(self, columns: np.ndarray) -> np.ndarray:
-        """Coefficients (p + k,) of the base and `columns` (n, c, k), by least squares; rows of a
-        channel are weighted by what is left of it.
-        """
+        """Coefficients (p + k,) of the base and `columns` (n, c, k) by weighted least squares."""
         matrix, weight = np.concatenate([self.base, columns], axis=2), self.force_rms
         for _ in range(2):
             unit = np.where(weight > 0.0, weight, np.inf)
@@ -454,26 +425,5 @@ def beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def says_nothing(used: np.ndarray, known: np.ndarray) -> bool:
-    """Return whether a channel has too few `used` rows (n,) for the directions `known` (rows, d) of
-    its base.
-    """
-    return bool(used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS))
-
-
-def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:
-    """Root mean square (j,) of values (n, c) over the used rows of both zones of each joint."""
-    joints = len(evidence.joints)
-    power = (np.where(evidence.used, values, 0.0) ** 2).reshape(len(values), -1, joints)
-    rows = evidence.used.reshape(len(values), -1, joints).sum(axis=(0, 1))
-    return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
-
-
-def relative(evidence: Evidence, values: np.ndarray) -> np.ndarray:
-    """The same (j,) over that of the force."""
-    return over_zones(evidence, values) / over_zones(evidence, evidence.force)
-
-
-def residual(evidence: Evidence, model: Model) -> np.ndarray:
-    """Measured less predicted force (n, c) on the rows of the evidence."""
-    predicted = evidence.regressor(model) @ model.theta
-    return np.where(evidence.used, evidence.force - predicted, 0.0)
+    """Return whether `used` rows (n,) are too few for directions `known` (rows, d) of the base."""
+    return bool(used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], CHANNEL_ROWS))

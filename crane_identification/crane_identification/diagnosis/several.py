@@ -1,8 +1,8 @@
-"""Physics that several joints lack at once, as friction that was left out of a whole model.
+"""Physics that several joints lack at once, and scales of the forces of joints.
 
-Looked for one by one, each joint is asked while the others still lack theirs, and bodies that they
-share make up for it. So an effect without a shape to bend is asked of all joints together, and
-kept on those where it explains what it does not explain on the others.
+If each joint is asked by itself, the others still lack theirs, and bodies that they share make up
+for it. So an effect without a nonlinear parameter is asked of all joints together, and kept on
+those where it explains what it does not explain on the others.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,51 +12,48 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.judgement import (
+from crane_identification.diagnosis.constants import FEWEST_JOINTS, LENGTH_ERROR
+from crane_identification.diagnosis.evidence import beside, leading
+from crane_identification.diagnosis.judgement import (
     Judged,
-    Rival,
     by_chance,
+    found_values,
     held_out_gains,
     marginal,
 )
-from crane_identification.diagnosis.fit.evidence import beside, leading
-from crane_identification.diagnosis.search.projection import (
+from crane_identification.diagnosis.projection import (
     NOTHING,
     Projection,
     Subset,
     extended,
     solve,
 )
-from crane_identification.diagnosis.search.search import Search, columns_of_lengths, gained
-from crane_identification.thresholds import Thresholds
-
-FEWEST_JOINTS = 3
-Kinds = tuple[str, ...]
+from crane_identification.diagnosis.search import Search, columns_of_lengths
 
 
-def on_several_joints(search: Search, threshold: float, thresholds: Thresholds) -> Subset:
+def on_several_joints(search: Search, threshold: float) -> Subset:
     """Effects that are missing on at least three joints each, strongest kind first. On three joints
     the loss without the effect exceeds the `threshold` and a share of that of the strongest effect;
     on the others it exceeds the chance gain of the best of that kind.
     """
-    members, share = _kinds(search.projection), thresholds.method.elsewhere_share
+    members, method = _kinds(search.projection), search.thresholds.method
     least = {
         number: limit
         for numbers in members.values()
-        for limit in [chance_of_kind(search, numbers, thresholds)]
+        for limit in [chance_of_kind(search, numbers)]
         for number in numbers
     }
-    chosen: Kinds = ()
+    chosen: tuple[str, ...] = ()
     found, first = NOTHING, 0.0
 
-    def best(rest: Kinds) -> tuple[Subset, Kinds]:
-        """With one more kind, that which explains most beside the `rest`."""
+    def best(rest: tuple[str, ...]) -> tuple[Subset, tuple[str, ...]]:
+        """The best set with one more kind beside the `rest`."""
         tried = []
         for kind in members.keys() - set(rest):
             kinds = (*rest, kind)
             numbers = [number for one in kinds for number in members[one]]
             kept, losses = _telling(search, numbers, least)
-            asked = max(threshold, share * max(losses, default=0.0))
+            asked = max(threshold, method.elsewhere_share * max(losses, default=0.0))
             clear = {n for n, loss in zip(kept.numbers, losses, strict=True) if loss > asked}
             if all(len(clear & set(members[one])) >= FEWEST_JOINTS for one in kinds):
                 tried.append((kept, kinds))
@@ -68,24 +65,20 @@ def on_several_joints(search: Search, threshold: float, thresholds: Thresholds) 
             other, swapped = best(tuple(one for one in kinds if one != kind))
             if other.gain > more.gain:
                 more, kinds = other, swapped
-        if more.gain - found.gain <= max(thresholds.method.further_share * first, threshold):
+        if more.gain - found.gain <= max(method.further_share * first, threshold):
             return found
         first = first or more.gain
         found, chosen = more, kinds
 
 
-def chance_of_kind(search: Search, numbers: Sequence[int], thresholds: Thresholds) -> float:
-    """As `by_chance`, of the candidates with these numbers alone."""
-    wanted = np.zeros(len(search.projection.candidates), dtype=bool)
-    wanted[list(numbers)] = True
-    kept = replace(search, projection=search.projection.kept(wanted))
-    return by_chance(kept, NOTHING, thresholds)
+def chance_of_kind(search: Search, numbers: Sequence[int]) -> float:
+    """The gain asked of the candidates with these numbers, by chance."""
+    wanted = np.isin(np.arange(len(search.projection.candidates)), numbers)
+    return by_chance(replace(search, projection=search.projection.kept(wanted)), NOTHING)
 
 
 def _kinds(projection: Projection) -> dict[str, list[int]]:
-    """The numbers of the effects without a nonlinear parameter on single joints, by type; without
-    factors of what the model has, and without what any machine has a little of.
-    """
+    """Numbers, by type, of effects of single joints that several may lack at once."""
     out: dict[str, list[int]] = {}
     for number, shaped in enumerate(projection.candidates):
         one = shaped.candidate
@@ -98,14 +91,13 @@ def _kinds(projection: Projection) -> dict[str, list[int]]:
 def _telling(
     search: Search, numbers: Sequence[int], least: Mapping[int, float]
 ) -> tuple[Subset, list[float]]:
-    """The effects without each of which the others lose more than its `least`, with the losses. The
-    others are taken out one by one.
-    """
+    """The effects without each of which the others lose more than its `least`, with the losses."""
     left = list(numbers)
     while left:
         subset = solve(search.projection, tuple(left))
-        if subset is None:
-            left.remove(_wrong(search.projection, left))
+        if subset is None:  # the one that explains least by itself has a wrong sign
+            alone = {i: solve(search.projection, (i,)) or NOTHING for i in left}
+            left.remove(min(alone, key=lambda number: alone[number].gain))
             continue
         losses = marginal(search, subset)
         over = [loss / least[number] for loss, number in zip(losses, left, strict=True)]
@@ -115,19 +107,8 @@ def _telling(
     return NOTHING, []
 
 
-def _wrong(projection: Projection, numbers: Sequence[int]) -> int:
-    """Of effects that have no solution together, the one that explains least by itself."""
-    alone = {number: solve(projection, (number,)) or NOTHING for number in numbers}
-    return min(alone, key=lambda number: alone[number].gain)
-
-
-def as_kinds(
-    search: Search, found: Sequence[Judged], known: int, thresholds: Thresholds
-) -> list[Judged]:
-    """The effects, the first `known` of them judged as kinds: on all of their joints together.
-
-    What one joint gains elsewhere is lost among what the bodies that it shares make of it.
-    """
+def as_kinds(search: Search, found: Sequence[Judged], known: int) -> list[Judged]:
+    """The first `known` effects judged as kinds, on all of their joints together."""
     members, out = _kinds(search.projection), list(found)
     lacking = [one for one in found[:known] if not one.shaped.candidate.effect.formless]
     for kind in {one.shaped.candidate.type for one in lacking}:
@@ -141,7 +122,7 @@ def as_kinds(
         added = np.concatenate([one.shaped.columns for one in own], axis=2)
         gains, names = held_out_gains(search, [one.shaped.columns for one in rest], added)
         numbers = members.get(kind) or [search.number(one.shaped) for one in own]
-        threshold = chance_of_kind(search, numbers, thresholds)
+        threshold = chance_of_kind(search, numbers)
         others = _other_kinds(own)
         for place in np.flatnonzero(alike):
             one = replace(out[place], held_out=gains, fold_names=names, threshold=threshold)
@@ -150,20 +131,20 @@ def as_kinds(
 
 
 class _Kind(NamedTuple):
-    """Another kind in the place of one: the score that it is behind by on all joints, and what is
-    asked.
-    """
+    """Another kind in the place of one: its `lead` on all joints, and the lead that is asked."""
 
     lead: float
     asked: float
 
 
 def _other_kinds(effects: Sequence[Judged]) -> dict[str, _Kind]:
-    """The kinds that come in the place of one or more of the `effects` of a kind, by type; an
-    effect in whose place a kind does not come is lost with it.
-    """
+    """The kinds, by type, that may replace `effects` of a kind; other effects are lost."""
     by_joint = [
-        {one.candidate.type: one for one in reversed(effect.rivals) if _same_joint(effect, one)}
+        {
+            one.candidate.type: one
+            for one in reversed(effect.rivals)
+            if one.candidate.joint == effect.shaped.candidate.joint
+        }
         for effect in effects
     ]
     out = {}
@@ -179,33 +160,19 @@ def _other_kinds(effects: Sequence[Judged]) -> dict[str, _Kind]:
 
 def _beside_kinds(one: Judged, others: Mapping[str, _Kind]) -> Judged:
     """An effect whose rivals are the kinds in the place of all of its own."""
-    rivals = sorted(
-        (rival for rival in one.rivals if _same_joint(one, rival)),
-        key=lambda rival: others[rival.candidate.type].lead,
-    )
-    alike = [
-        rival.candidate
-        for rival in rivals
-        if others[rival.candidate.type].lead <= others[rival.candidate.type].asked
-    ]
+    joint, every = one.shaped.candidate.joint, [rival.candidate for rival in one.rivals]
+    rivals = [(other, others[other.type]) for other in every if other.joint == joint]
     if not rivals:
         return replace(one, indistinct=(), runner_up=None, margin=one.score)
-    first = others[rivals[0].candidate.type]
+    rivals.sort(key=lambda rival: rival[1].lead)
+    alike = tuple(other for other, kind in rivals if kind.lead <= kind.asked)
+    runner_up, first = rivals[0]
     return replace(
-        one,
-        indistinct=tuple(alike),
-        runner_up=rivals[0].candidate,
-        margin=first.lead,
-        needed=first.asked,
+        one, indistinct=alike, runner_up=runner_up, margin=first.lead, needed=first.asked
     )
-
-
-def _same_joint(one: Judged, rival: Rival) -> bool:
-    return rival.candidate.joint == one.shaped.candidate.joint
 
 
 # Factors of the forces of joints, of which one is free: of all joints alike they scale the masses.
-#
 # So two of three joints' factors come to the same as two others.
 
 
@@ -215,16 +182,44 @@ def factors(search: Search) -> list[int]:
     return [i for i, one in enumerate(candidates) if one.candidate.effect.formless]
 
 
+def gain_of_few(search: Search) -> float:
+    """Gain of the best effect by itself, or of the best factors of the forces of two joints."""
+    alone = [one.gain for one in extended(search.projection, NOTHING)]
+    return max([*alone, best_pair(search).gain])
+
+
+def best_pair(search: Search) -> Subset:
+    """The factors of the forces of two joints that gain most; nothing if there are no two."""
+    both = (solve(search.projection, pair) for pair in combinations(factors(search), 2))
+    return max((one for one in both if one is not None), key=lambda one: one.gain, default=NOTHING)
+
+
+def smallest(search: Search, subset: Subset, tolerance: float) -> Subset:
+    """The set with the smallest of the factors that come to the same within a `tolerance`."""
+    known = factors(search)
+    places = [place for place, number in enumerate(subset.numbers) if number in known]
+    best, least = subset, np.inf
+    for several in combinations(known, len(places)) if places else ():
+        numbers = list(subset.numbers)
+        for place, number in zip(places, several, strict=True):
+            numbers[place] = number
+        swapped = solve(search.projection, tuple(numbers))
+        if swapped is None or subset.gain - swapped.gain > tolerance:
+            continue
+        values = [found_values(search, swapped, place)[0] for place in places]
+        size = float(np.linalg.norm(values))
+        if size < least * (1.0 - 1e-6):
+            best, least = swapped, size
+    return best
+
+
 # Lengths of links and linkages, which are those of the file give or take `LENGTH_ERROR`.
 
-LENGTH_ERROR = 0.02  # standard deviation of lengths that were not surveyed, relative
 LINKAGE = "linkage_scale"
 
 
 def or_lengths(search: Search, found: Sequence[Judged]) -> tuple[Judged, ...]:
-    """The effects; a scale that the most likely lengths explain about as well beside the other
-    effects has linkages of other joints in its ambiguity group.
-    """
+    """The effects; scales that likely lengths explain as well are ambiguous with linkages."""
     return tuple(
         _or_lengths(search, one, [other for other in found if other is not one])
         if one.shaped.candidate.effect.formless
@@ -243,56 +238,12 @@ def _or_lengths(search: Search, scale: Judged, rest: Sequence[Judged]) -> Judged
     others = [one.shaped.columns for one in rest]
     lengths = [columns_of_lengths(search.evidence), *(one.columns for one in linkages)]
     none = search.evidence.base[:, :, :0]
-    known, columns = (
-        beside(search.base.basis, search.whitener(np.concatenate([none, *parts], axis=2)))
-        for parts in (others, lengths)
-    )
+    known, columns = search.beside(none, *others), search.beside(none, *lengths)
     known = leading(known, known.shape[1])
     columns, force = (beside(known, values) for values in (columns, search.base.residual))
     columns = LENGTH_ERROR * columns
     gram, score = columns.T @ columns + np.eye(columns.shape[1]), columns.T @ force
     explained = float(score @ np.linalg.solve(gram, score))
-    if gained(search, others, scale.shaped.columns) - explained > scale.needed:
+    if search.gained(others, scale.shaped.columns) - explained > scale.needed:
         return scale
     return replace(scale, indistinct=(*scale.indistinct, *(one.candidate for one in linkages)))
-
-
-def gain_of_few(search: Search) -> float:
-    """Gain of the best effect by itself, or of the best factors of the forces of two joints."""
-    projection = search.projection
-    alone = [one.gain for one in extended(projection, NOTHING)]
-    return max([*alone, best_pair(search).gain])
-
-
-def best_pair(search: Search) -> Subset:
-    """The factors of the forces of two joints that gain most; nothing if there are no two."""
-    both = (solve(search.projection, pair) for pair in combinations(factors(search), 2))
-    return max((one for one in both if one is not None), key=lambda one: one.gain, default=NOTHING)
-
-
-def smallest(search: Search, subset: Subset, tolerance: float) -> Subset:
-    """The set with its factors replaced by the smallest ones that come to the same, to a
-    `tolerance` of gain: a file errs rather by little.
-    """
-    known = factors(search)
-    places = [place for place, number in enumerate(subset.numbers) if number in known]
-    best, least = subset, np.inf
-    for several in combinations(known, len(places)) if places else ():
-        numbers = list(subset.numbers)
-        for place, number in zip(places, several, strict=True):
-            numbers[place] = number
-        swapped = solve(search.projection, tuple(numbers))
-        if swapped is None or subset.gain - swapped.gain > tolerance:
-            continue
-        if (size := _size(search, swapped, places)) < least * (1.0 - 1e-6):
-            best, least = swapped, size
-    return best
-
-
-def _size(search: Search, subset: Subset, places: list[int]) -> float:
-    """Norm of the factors at these places of a set."""
-    projection = search.projection
-    columns = [c for number in subset.numbers for c in projection.columns_of[number]]
-    values = dict(zip(columns, subset.values, strict=True))
-    own = [projection.columns_of[subset.numbers[place]][0] for place in places]
-    return float(np.linalg.norm([values[c] / projection.scale[c] for c in own]))

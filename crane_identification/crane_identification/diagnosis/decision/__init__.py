@@ -1,1 +1,0 @@
-"""Which of the effects that were found are findings."""

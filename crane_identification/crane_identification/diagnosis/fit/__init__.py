@@ -1,1 +1,0 @@
-"""The model fitted to the recordings, and the rows that they give."""

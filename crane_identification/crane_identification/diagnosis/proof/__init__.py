@@ -1,1 +1,0 @@
-"""The findings before recordings that took no part: the gap that they close."""

@@ -1,1 +1,0 @@
-"""The search for effects that the model may lack, beside the model."""
