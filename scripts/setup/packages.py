@@ -149,8 +149,8 @@ def _usable(machine: Machine) -> bool:
 
 def _install_pins(machine: Machine, wanted: list[str], part: Part) -> None:
     print(
-        f"set-up: {len(wanted)} Python packages for {part.purpose}: up to {part.download} MB to "
-        f"download, unless they are in a cache; beside that usually {part.time}",
+        f"set-up: {len(wanted)} Python packages for {part.purpose}: downloads up to "
+        f"{part.download} MB, then usually {part.time}",
         flush=True,
     )
     requirements = machine.venv / "crane-requirements.txt"

@@ -57,7 +57,7 @@ def test_flow_by_other_laws(measured: Measured) -> None:
     machine = other_laws()
     known = identify_from_bags(machine, motion(periods=3))
     found = scores((PD_DEAD_BAND, *RECOMMENDED), machine, known)
-    row(measured, "flow by other laws, RMS", "20 times better than (36)", rms(found))
+    row(measured, "model-based controllers, RMS", "20 times better than (36)", rms(found))
     for law in RECOMMENDED:
         assert (found[PD_DEAD_BAND].rms / found[law].rms)[BOOMS].min() >= 20.0, law
 
