@@ -126,8 +126,8 @@ def notes() -> list[str]:
     several = "; ".join(" = ".join(laws_) for laws_ in laws().values())
     return [
         f"Forms of one effect, any of which is correct: {several}.",
-        "An ambiguity group is correct if each member explains the injected force as well as its own",
-        "form; if the data are too few, it is correct if it contains the injected effect.",
+        "An ambiguity group is correct if each member explains the injected force as well as its",
+        "own form; if the data are too few, it is correct if it contains the injected effect.",
     ]
 
 
