@@ -44,7 +44,7 @@ class FaultKind(StrEnum):
         "check the sensor and its plug, and the range in the mapping",
     )
     SENSOR = (
-        *("sensor", 6, "a device says that its reading is no measurement"),
+        *("sensor", 6, "a device says that its reading is not a measurement"),
         "check the sensor and its plug",
     )
     STATE = (
@@ -78,7 +78,7 @@ class FaultKind(StrEnum):
     )
     NOT_OPERATIONAL = (
         *("not operational", 15, "a CANopen device has left operation"),
-        "find out who has told it to",
+        "find the sender of the command",
     )
     FOREIGN = (
         *("foreign command", 16, "a valve frame on the bus that this driver did not send"),

@@ -98,8 +98,8 @@ LEARNING = Switch(
 )  # fmt: skip
 LARGEST_TIP_LOAD = Number(
     "largest_tip_load", 0.0, "kg", 0.0, 1e5,
-    "Heaviest load of tip_load, as payload_estimator tells it, that every law but "
-    f"{PD_DEAD_BAND} controls the crane with; 0: tip_load is not listened to. At configure",
+    "Heaviest load of tip_load, as payload_estimator publishes it, for every law but "
+    f"{PD_DEAD_BAND} ; 0: tip_load is ignored. At configure",
 )  # fmt: skip
 LEARNT_OUTPUT = Text(
     "learnt_output", "learnt_model.yaml", "Model file that ~/save_learnt writes, replacing it"

@@ -134,7 +134,7 @@ def _demo(
             lost = _unplug(steps, suite, domain, law, seed)
     with steps.step("missing_bags", "bags of a machine with an effect the model lacks", 60.0):
         missing.make_bags(suite, law, seed)
-    with steps.step("diagnose", "which effect is it? asked of the bags alone", 25.0):
+    with steps.step("diagnose", "which effect is it? from the bags alone", 25.0):
         missing.diagnose(suite, law)
     say(missing.answer(suite), highlight=False)
     say(missing.table())

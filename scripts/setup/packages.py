@@ -24,7 +24,7 @@ class Part:
 
 
 CORE = Part("the suite and ROS 2 Jazzy", 300, "20 s to 1 min")
-WITH_ROS = Part("the suite and its tests, beside the installed ROS", 415, "20 s to 1 min")
+WITH_ROS = Part("the suite and its tests, next to the installed ROS", 415, "20 s to 1 min")
 EXTRAS = {
     "benchmark": Part("the benchmark of diagnoses", 5, "5 s"),
     "docs": Part("the manual", 40, "5 to 10 s"),

@@ -234,7 +234,7 @@ def magnitude(finding: Content) -> str:
         return f"{visible} of the flow"
     return (
         f"rms {short_percent(finding['relative_magnitude'])} of that of the drive force; {visible} "
-        "show beside the model"
+        "visible"
     )
 
 
@@ -247,7 +247,7 @@ def evidence(finding: Content) -> str:
     text += f"; {finding['margin']:.0f} ahead of {alone(runner)}"
     member = any(alone(one) == alone(runner) for one in finding["ambiguity_group"])
     if member or finding["margin"] > finding["margin_needed"]:
-        return f"{text}, {finding['margin_needed']:.0f} asked"
+        return f"{text}, {finding['margin_needed']:.0f} required"
     return f"{text}, which is the same with more freedom"
 
 
@@ -442,7 +442,7 @@ def _question(question: Content) -> str:
     if question["kind"] == QuestionKind.UNDETERMINED:
         return f"{names}: is it there at all?"
     known = dict.fromkeys(one["discriminated_by"] for one in members)
-    return f"{names}: told apart by {'; or '.join(known)}"
+    return f"{names}: discriminated by {'; or '.join(known)}"
 
 
 def discriminating_command(content: Content, folder: Path) -> str:
@@ -475,7 +475,7 @@ def lines(content: Content) -> list[str]:
     for name, key in (
         ("Not determined by these recordings", "undetermined"),
         ("In counts, and need units", "needs_units"),
-        ("Not asked for", "without"),
+        ("Excluded", "without"),
     ):
         if content[key]:
             out.append(f"{name}: {', '.join(content[key])}")
@@ -519,7 +519,7 @@ def _finding_lines(number: int, finding: Content) -> list[str]:
     values = ", ".join(map(str, estimates(finding)))
     if finding["ambiguity_group"]:
         out.append(f"   as {alone(finding)}: {values}")
-        out.append(f"   told apart by {finding['discriminated_by']}")
+        out.append(f"   discriminated by {finding['discriminated_by']}")
     elif values:
         out.append(f"   {values}")
     return [

@@ -229,7 +229,7 @@ def _rows(
         else:
             printed, note = shown(measured.value, measured.std_dev), ""
         if name in undetermined:
-            note = f"not determined; {undetermined[name]} would tell"
+            note = f"not determined; {undetermined[name]} would determine it"
         unit = "" if measured.unit == "1" else measured.unit
         true = true_values.get(name)
         told = NONE if true is None else with_uncertainty(true, measured.std_dev or 0.0)[0]

@@ -147,7 +147,7 @@ def undetermined(rows: Rows, trained: np.ndarray, preparations: Sequence[Prepara
         return ""
     count, joints = spanned(preparations), len(rows.joints)
     alike = (
-        f" The joints move alike: their motion spans {count} of {joints} dimensions."
+        f" The joints move together: their motion spans {count} of {joints} dimensions."
         if count < joints
         else ""
     )

@@ -65,7 +65,7 @@ class Salvage:
                     return
                 yield from self._read(kind, content)
             self.position, rest = stream.tell(), stream.read()
-            cut = f"; its last {len(rest)} bytes are no whole record" if rest else ""
+            cut = f"; its last {len(rest)} bytes are not a whole record" if rest else ""
             self.notes.append(f"{self.path.name} was not closed{cut}")
             yield from self._cut_chunk(rest)
 

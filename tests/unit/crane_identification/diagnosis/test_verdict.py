@@ -226,7 +226,7 @@ def test_a_class_stays_one_where_something_more_is_missing() -> None:
     after = trial(effect("load_friction", ("seal_friction",)), energy=500.0)
     assert answer(after=after, seen=gap(0.0113, 0.0006)).verdict is Verdict.AMBIGUOUS
     found = answer(after=after, seen=gap(0.0113, 0.004))
-    assert found.verdict is Verdict.AND_MORE and "cannot tell apart" in found.reason
+    assert found.verdict is Verdict.AND_MORE and "do not discriminate" in found.reason
 
 
 def test_what_is_zero_within_its_deviation_is_no_name() -> None:

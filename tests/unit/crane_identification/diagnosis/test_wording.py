@@ -117,7 +117,7 @@ def test_the_proof_comes_before_what_was_found() -> None:
 
 def test_strength_and_what_of_it_shows_have_names_of_their_own() -> None:
     said = text(content("named", finding()))
-    assert "rms 4.0 % of that of the drive force; 0.71 % show beside the model" in said
+    assert "rms 4.0 % of that of the drive force; 0.71 % visible" in said
 
 
 def test_a_class_is_named_by_all_of_its_members() -> None:
@@ -137,7 +137,7 @@ def test_a_lead_that_was_not_asked_for_is_not_printed_as_one() -> None:
     assert words.evidence(finding(margin=50.0)).endswith("which is the same with more freedom")
     rival = finding()["runner_up"]
     member = finding(margin=0.0, ambiguity_group=[rival])
-    assert words.evidence(member).endswith("0 ahead of hose stiffness (outer boom), 76 asked")
+    assert words.evidence(member).endswith("0 ahead of hose stiffness (outer boom), 76 required")
 
 
 @pytest.mark.parametrize("verdict", ["none", "insufficient_data"])
