@@ -112,7 +112,7 @@ def follow(suite: Processes, domain: int, run: CraneRun, seed: int, say: Say) ->
     Recorded as the bag "follow". `ProcessError` as `experiment`.
     """
     with Onlooker(suite, domain) as onlooker:
-        say(f"the motion of the fit again, controlled by the fitted model: {run.controller}")
+        say(f"the first motion, controlled by the fitted model ({run.controller})")
         led = ("-p", f"law:={run.controller}", "-p", f"model:={run.fitted}")
         start(suite, run, seed, *led, listeners=LEADING)
         experiment(suite, onlooker, run, "follow", EXCITATION, FOLLOW_PERIODS, LEADING)

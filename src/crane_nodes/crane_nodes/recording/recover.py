@@ -193,7 +193,7 @@ def _definition(source: Connection) -> Definition:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write what can be read of a damaged bag as a new one."""
-    parser = command_line(description="Makes a readable copy of a bag that was not closed.")
+    parser = command_line(description="Make a readable copy of a bag that was not closed.")
     parser.add_argument("bag", type=Path, metavar="BAG", help="bag: a folder, or one of its files")
     parser.add_argument(
         "--out", type=Path, required=True, metavar="NEW", help="new folder of the bag"
