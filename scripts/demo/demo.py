@@ -3,8 +3,8 @@
 Simulated crane, driver, trajectory, identification and recorder run as processes; two experiments
 are recorded, the model is fitted to one bag and validated on the other. The same is done
 with bags of a machine with dynamic friction (LuGre), which the model cannot represent. Then the
-fitted model controls the crane on the first motion. An encoder is unplugged in motion, and the crane
-returns home without it. Last, the machine gets an effect that the model lacks, and `diagnose` finds
+fitted model controls the crane on the first motion. An encoder is unplugged in motion, and the
+crane returns home without it. Last, the machine gets an effect that the model lacks, and `diagnose` finds
 it from bags alone. Everything is done
 by the executables that a user would call; results are left in runs/demo.
 """
@@ -46,19 +46,24 @@ WIDTH = 100  # characters, where the output is no terminal
 def main() -> int:
     """Run the demo; exit status 0, 1 if something failed, 130 after Ctrl-C."""
     parser = argparse.ArgumentParser(description="Run the whole suite on the simulated crane.")
-    parser.add_argument("--view", action="store_true", help="show it in a browser meanwhile")
+    parser.add_argument("--view", action="store_true", help="show the crane in a browser")
     parser.add_argument(
-        "--seed", type=int, default=SEED, help="of noise and of the injected effect"
+        "--seed",
+        type=int,
+        default=SEED,
+        help="seed of the noise and of the injected effect (default: 1)",
     )
     parser.add_argument(
-        "--realtime", action="store_true", help="at the pace of a real crane, not simulated time"
+        "--realtime",
+        action="store_true",
+        help="run at the pace of a real crane, without simulated time",
     )
     parser.add_argument(
         "--rate",
         type=int,
         choices=real_time.RATES,
         default=real_time.RATES[0],
-        help="of the encoders in real time [Hz] (default: %(default)s)",
+        help="rate of the encoders in real time [Hz] (default: %(default)s)",
     )
     add_machine(parser)
     options = parser.parse_args()

@@ -81,7 +81,7 @@ def unplug(suite: Processes, domain: int, law: CraneRun, seed: int, joint: str, 
             suite.start(name, "crane_observer", name, *of_machine)
         record_to(suite, law.bag(USE))
         at = pull_plug(suite, hand, law, joint, LISTENERS)
-        say("the sensor monitor stopped the crane; jog moves it home on the estimate")
+        say("the crane has stopped; jog moves it home on the estimate")
         suite.until(lambda: hand.substitute(joint), "the driver takes no substitute")
         suite.until(hand.reset, "the fault is not reset")
         suite.until(hand.silent, "somebody commands the valves")
