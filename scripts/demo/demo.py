@@ -4,9 +4,9 @@ Simulated crane, driver, trajectory, identification and recorder run as processe
 are recorded, the model is fitted to one bag and validated on the other. The same is done
 with bags of a machine with dynamic friction (LuGre), which the model cannot represent. Then the
 fitted model controls the crane on the first motion. An encoder is unplugged in motion, and the
-crane returns home without it. Last, the machine gets an effect that the model lacks, and `diagnose` finds
-it from bags alone. Everything is done
-by the executables that a user would call; results are left in runs/demo.
+crane returns home without it. Last, the machine gets an effect that the model lacks, and `diagnose`
+finds it from bags alone. The demo calls the executables that a user would call, and writes its
+results to runs/demo.
 """
 
 import argparse
