@@ -167,7 +167,7 @@ class JogParameters(NamedTuple):
             sign[joint] = Number(
                 f"joy.sign.{joint}",
                 *(1, "1", -1, 1),
-                f"-1 where the axis of {joint} is reversed",
+                f"-1 if the axis of {joint} is reversed",
                 whole=True,
             )
         return cls(dead_band, axis, sign)
