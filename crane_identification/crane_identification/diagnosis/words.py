@@ -233,8 +233,7 @@ def magnitude(finding: Content) -> str:
     if finding["relative_magnitude"] is None:
         return f"{visible} of the flow"
     return (
-        f"rms {short_percent(finding['relative_magnitude'])} of that of the drive force; {visible} "
-        "visible"
+        f"rms {short_percent(finding['relative_magnitude'])} of the drive force; {visible} visible"
     )
 
 
@@ -421,8 +420,8 @@ def _formula(unknown: Content) -> Iterator[str]:
         values = ", ".join(str(estimate(each)) for each in one["parameters"])
         yield (
             f"a short formula: {one['equation']} with {values}; held-out error "
-            f"{_step(one['before'], one['after'])}, {short_percent(one['closed_share'])} of what "
-            f"could be closed; name it with --terms {formula_file(unknown)}"
+            f"{_step(one['before'], one['after'])}, {short_percent(one['closed_share'])} of the "
+            f"explainable error removed; name it with --terms {formula_file(unknown)}"
         )
 
 
@@ -482,7 +481,7 @@ def lines(content: Content) -> list[str]:
     if content["clock"]:
         out.append(f"No time of a session: {content['clock']}")
     counted = (
-        ("effects that hide behind the parameters of the model", content["not_testable"]),
+        ("effects that the parameters of the model absorb", content["not_testable"]),
         ("effects that are not observable in these recordings", content["not_observable"]),
         ("joints with a balance of the flow", content["flow"]),
     )
@@ -494,7 +493,7 @@ def lines(content: Content) -> list[str]:
 def next_step(content: Content, folder: Path) -> list[str]:
     """The command that designs the experiment for what is open in a folder; none if nothing is."""
     command = discriminating_command(content, folder)
-    return [f"An experiment that discriminates what is open: {command}"] if command else []
+    return [f"Experiment to discriminate the remaining candidates: {command}"] if command else []
 
 
 def _error_lines(content: Content) -> Iterator[str]:
@@ -502,7 +501,7 @@ def _error_lines(content: Content) -> Iterator[str]:
     yield f"Held-out error of the force{both} (scatter between periods, flexible learner):"
     for one in errors(content):
         change = f" → {one.after}" if one.after else ""
-        closed = f", {one.closed} of what could be closed" if one.closed != NONE else ""
+        closed = f", {one.closed} of the explainable error removed" if one.closed != NONE else ""
         yield f"  {one.joint}: {one.before}{change} ({one.floor}, {one.learner}){closed}"
     if carried := ", ".join(map(str, loads(content))):
         yield f"  each with its own load, estimated from it: {carried}"

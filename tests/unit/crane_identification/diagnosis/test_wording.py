@@ -110,14 +110,15 @@ def test_the_proof_comes_before_what_was_found() -> None:
     )
     assert lines[2].startswith("Held-out error of the force, before → after")
     assert (
-        lines[4] == "  outer boom: 1.13 % → 0.05 % (0.05 %, 0.12 %), 100 % of what could be closed"
+        lines[4]
+        == "  outer boom: 1.13 % → 0.05 % (0.05 %, 0.12 %), 100 % of the explainable error removed"
     )
     assert lines[5].startswith("1. load-dependent joint friction (outer boom)")
 
 
 def test_strength_and_what_of_it_shows_have_names_of_their_own() -> None:
     said = text(content("named", finding()))
-    assert "rms 4.0 % of that of the drive force; 0.71 % visible" in said
+    assert "rms 4.0 % of the drive force; 0.71 % visible" in said
 
 
 def test_a_class_is_named_by_all_of_its_members() -> None:
@@ -214,8 +215,8 @@ def test_nothing_is_left_out_without_a_word() -> None:
     said = text(content("named", *nine, not_testable=[hidden, hidden], flow=flow))
     assert "9. load-dependent" in said
     assert (
-        "Not printed: errors of the simulated motion, effects that hide behind the parameters of "
-        "the model (2), joints with a balance of the flow (1); see report.html" in said
+        "Not printed: errors of the simulated motion, effects that the parameters of the model "
+        "absorb (2), joints with a balance of the flow (1); see report.html" in said
     )
 
 
