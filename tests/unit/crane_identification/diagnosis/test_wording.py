@@ -185,7 +185,7 @@ NEAREST = {
         "inner_boom": {"before": 0.0004, "after": 0.0004},
         "outer_boom": {"before": 0.0113, "after": 0.009},
     },
-    "objection": "it closes 39% of the gap on outer_boom",
+    "objection": "it removes 39% of the error on outer_boom",
 }
 
 
@@ -193,7 +193,7 @@ def test_unknown_says_what_is_nearest_and_why_that_does_not_do() -> None:
     said = text(content("unknown", nearest=NEAREST))
     assert "backlash (outer boom): score 13224, threshold 54" in said
     assert "explains 43 %" in said and "of the outer boom 1.13 % → 0.90 %" in said
-    assert "not named, because it closes 39 % of the gap on outer boom" in said
+    assert "not named, because it removes 39 % of the error on outer boom" in said
 
 
 def test_what_is_left_beside_names_is_said() -> None:
