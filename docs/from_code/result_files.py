@@ -48,8 +48,8 @@ KINDS = (
 INTRODUCTION = """# Result files
 
 Results for programs, in JSON or, with six digits, in YAML. Units are SI, in brackets: [-] is a
-ratio or a count, [rad, m] depends on the joint, and [unit] is given by `unit` next to it. An unknown
-number is `null`. Models and trajectories are [input files](files.md).
+ratio or a count, [rad, m] depends on the joint, and [unit] is given by `unit` next to it. An
+unknown number is `null`. Models and trajectories are [input files](files.md).
 """
 
 
