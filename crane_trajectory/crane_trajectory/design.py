@@ -377,6 +377,6 @@ def _summary(merit: dict[str, float], together: dict[str, float]) -> str:
 def _moves(seconds: float) -> str:
     """How long the crane moves in an experiment, if its periods last `seconds`."""
     return (
-        f"the crane moves for {(seconds + 2 * RUN_UP) / 60:.1f} min, start and stop included; "
-        "before that it goes to where they begin"
+        f"the crane moves for {(seconds + 2 * RUN_UP) / 60:.1f} min, start and stop included, "
+        "approach not"
     )
