@@ -1,24 +1,24 @@
-# make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine,
-#              VIEW=1 shows it in a browser meanwhile; REALTIME=1 runs it at the pace of a real
-#              crane, with encoders at RATE=200, 100 or 50 Hz
-# make view, make pictures, make tables   large packages that few commands need: the live view
-#              (crane_viewer viewer), the crane drawn (crane_sim film, picture, view), CSV and Parquet
-# make test    all tests
-# make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
-# make observer-benchmark   positions without encoders, and sensors that lie, in runs/observer; hours
-# make study   the report's experiment with 20 + 2 trajectories, results in runs/study
-# make bench   measurements of speed
-# make figures put what was measured (demo, study, discrepancy-benchmark, bench) into the manual
-# make lint    style and types of the code, prose, links and spelling of the manual
-# make docs    the manual as a site, runs/docs/html/index.html
-# make setup   only what every target above does first: environment, packages, build
-# make clean   remove what the set-up made (not runs/)
+# make demo    run the suite on the simulated crane, results in runs/demo; MACHINE=... names another
+#              machine; VIEW=1 shows it in a browser; REALTIME=1 runs at the pace of a real crane,
+#              with encoders at RATE=200, 100 or 50 Hz
+# make view, make pictures, make tables   install optional packages for the live view (crane_viewer
+#              viewer), pictures of the crane (crane_sim film, picture, view), CSV and Parquet
+# make test    run all tests
+# make bench   measure speed
+# make study   repeat the paper's experiment with 20 + 2 trajectories, results in runs/study
+# make discrepancy-benchmark   count how often `diagnose` is right, results in runs/; hours
+# make observer-benchmark   score position estimates and sensor faults, in runs/observer; hours
+# make figures copy the measurements (demo, study, discrepancy-benchmark, bench) into the manual
+# make lint    check style and types of the code, prose, links and spelling of the manual
+# make docs    build the manual as a site, runs/docs/html/index.html
+# make setup   set up environment, packages and build, as every target above does first
+# make clean   remove the set-up, but not runs/
 #
 # PYTHON=... names the interpreter for the virtual environment, TESTS=... the tests to run.
 
 SHELL := bash
 TESTS ?= tests/integration tests/unit
-# What promises a number beside the benchmarks proper.
+# Tests that measure, next to the benchmarks.
 BENCH := tests/benchmarks tests/integration/test_bringup.py tests/integration/test_cluster.py \
 	tests/unit/crane_identification/test_estimators.py
 export PYTHON
@@ -90,7 +90,7 @@ lint:
 # A warning is an error.
 docs:
 	@scripts/setup.sh docs tables pictures
-	@$(in_env) step manual "1 to 4 min" "mend the page that it names; or rm -r runs/docs" \
+	@$(in_env) step manual "1 to 4 min" "the page that it names; or rm -r runs/docs" \
 	python -m sphinx -W --keep-going -q -j auto -d runs/docs/doctrees docs runs/docs/html; finish
 
 clean:

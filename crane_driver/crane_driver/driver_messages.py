@@ -100,7 +100,7 @@ def inactive_state(lifecycle_state: str) -> DriverState:
         state=DriverState.STATE_FINALIZED if ended else DriverState.STATE_INACTIVE,
         text=lifecycle_state,
         cause=f"the driver is {lifecycle_state}",
-        remedy="start it anew" if ended else "activate it",
+        remedy="start it again" if ended else "activate it",
     )
 
 

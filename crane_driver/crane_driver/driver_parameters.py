@@ -35,11 +35,9 @@ DBC = Text("dbc", "", "DBC file; empty: can.dbc of the machine. At configure")
 MAPPING = Text(
     "mapping",
     "",
-    "YAML that says what the signals mean; empty: can.yaml of the machine. At configure",
+    "Mapping file of the signals (YAML); empty: can.yaml of the machine. At configure",
 )
-SAFETY = Text(
-    "safety", "", "YAML of the safety functions; empty: safety.yaml of the machine. At configure"
-)
+SAFETY = Text("safety", "", "Safety file (YAML); empty: safety.yaml of the machine. At configure")
 LISTEN_ONLY = Switch(
     "listen_only",
     False,
@@ -52,20 +50,20 @@ PRIORITY = Number(
     "-",
     0,
     99,
-    "Real-time priority (SCHED_FIFO), where the system permits it; 0: none. At configure",
+    "Real-time priority (SCHED_FIFO), if the system permits it; 0: none. At configure",
     whole=True,
 )
 LOCK_MEMORY = Switch(
     "realtime.lock_memory",
     True,
-    "Keep the memory of the driver from being paged out, where the system permits it. At configure",
+    "Keep the memory of the driver from being paged out, if the system permits it. At configure",
 )
 LISTENERS = Text(
     "simulated_time.listeners",
     "",
-    "With use_sim_time: nodes that simulated time waits for until they hear joint_states, "
-    "separated by blanks; it then stands still while the crane rests and nobody commands it. "
-    "Empty: it always goes on. At configure",
+    "With use_sim_time: nodes, "
+    "separated by blanks, that must hear joint_states before time advances; while the crane rests "
+    "without commands, time stops. Empty: time always advances. At configure",
 )
 
 

@@ -24,7 +24,7 @@ class FaultKind(StrEnum):
         return kind
 
     WRONG_SIZE = (
-        *("wrong size", 1, "a frame has not the size that the DBC file gives it"),
+        *("wrong size", 1, "the size of a frame differs from the DBC file"),
         "compare the DBC file with the firmware of the device",
     )
     CHECKSUM = (
@@ -44,7 +44,7 @@ class FaultKind(StrEnum):
         "check the sensor and its plug, and the range in the mapping",
     )
     SENSOR = (
-        *("sensor", 6, "a device says that its reading is no measurement"),
+        *("sensor", 6, "a device says that its reading is not a measurement"),
         "check the sensor and its plug",
     )
     STATE = (
@@ -56,12 +56,12 @@ class FaultKind(StrEnum):
         "check plug and supply of its device, and the load of bus and computer",
     )
     MISSING = (
-        *("missing", 9, "a message does not come any more"),
+        *("missing", 9, "a message no longer arrives"),
         "check plug and supply of its device",
     )
     BUS = (*("bus", 10, "the CAN bus cannot be used"), "check adapter, wiring and termination")
     NOT_ACCEPTED = (
-        *("not accepted", 11, "the valve electronics do not accept what they are sent"),
+        *("not accepted", 11, "the valve electronics do not accept the commands"),
         "check the wiring of the valve electronics, and CRC and counter in the mapping",
     )
     OVERFLOW = (
@@ -69,16 +69,16 @@ class FaultKind(StrEnum):
         "find what floods the bus, or stop other programs on this computer",
     )
     HEARTBEAT = (
-        *("heartbeat", 13, "a CANopen device makes no heartbeat any more"),
+        *("heartbeat", 13, "a CANopen device sends no heartbeat any more"),
         "check plug and supply of the device",
     )
     REBOOT = (
         *("reboot", 14, "a CANopen device has rebooted in operation"),
-        "check its supply, and who resets it",
+        "check its supply, and what resets it",
     )
     NOT_OPERATIONAL = (
         *("not operational", 15, "a CANopen device has left operation"),
-        "find out who has told it to",
+        "find the sender of the command",
     )
     FOREIGN = (
         *("foreign command", 16, "a valve frame on the bus that this driver did not send"),

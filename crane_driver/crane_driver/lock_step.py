@@ -263,9 +263,12 @@ class LockStepDriver(ActiveDriver):
         """Tell, once each, who keeps simulated time from going on."""
         remark = ""
         if time.monotonic() - self._since > REMARK_AFTER_S:
-            remark = self._awaited(led=False) if self._waiting else "the simulated crane"
-            if self._train:
-                remark += ", which runs in real time: start it with --lock-step"
+            if self._waiting:
+                remark = self._awaited(led=False)
+            elif self._train:
+                remark = "the simulated crane, which runs in real time: start it with --lock-step"
+            else:
+                remark = "the simulated crane"
         if remark != self._remark and remark not in (NO_COMMANDER, PACE):
             name = full_name(self._node)
             stands = f"simulated time stands still: {name} waits for {remark}"

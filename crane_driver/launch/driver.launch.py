@@ -13,7 +13,7 @@ ARGUMENTS = COMMON | {
     "dbc": "DBC file",
     "mapping": "Mapping YAML",
     "machine": "Machine by its name, or its folder or machine file",
-    "safety": "YAML of the safety functions",
+    "safety": "Safety file (YAML)",
     "record": "New folder to record to; empty: nothing is recorded",
     "tf": "true: robot_state_publisher gives the frames of all links",
 }

@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> None:
     cli.check_out(*results, replace=arguments.replace)
     user_terms = load_terms(arguments.terms) if arguments.terms else ()
     model = load_model(arguments.model)
-    why = "the gap is proved on recordings that took no part"
+    why = "the model error is tested on held-out recordings"
     refuse_overlap(arguments.train, arguments.validate, why)
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     check_known(arguments.without)

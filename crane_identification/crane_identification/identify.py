@@ -249,7 +249,7 @@ def _loads_left_out(given: "Model", model: "Model") -> tuple[str, ...]:
         return ()
     return (
         f"{', '.join(loads)} of the model left out: loads of single recordings, which others do "
-        "not carry. All recordings count as loaded alike; diagnose finds what each carries.",
+        "not carry. All recordings count as equally loaded; diagnose finds the load of each.",
     )
 
 

@@ -10,7 +10,7 @@ ARGUMENTS = COMMON | {
     "model": "Model file to identify",
     "model_output": "File that ~/save_model writes",
     "forgetting": "Forgetting factor per row",
-    "use_sim_time": "Take the time from /clock, for diagnostics beside a player: true or false",
+    "use_sim_time": "Take the time from /clock, for diagnostics next to a player: true or false",
     "play": "Bag to play, recorded in the same namespace; empty: the topics come from elsewhere",
 }
 PLAYED = ("joint_states", "cylinder_pressures")

@@ -148,7 +148,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="with --discriminate: Python file of terms that was given to diagnose",
     )
-    add("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s]")
+    add("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s] (default: 3)")
     add(
         "--harmonics",
         type=whole(1, MOST_HARMONICS),
@@ -184,8 +184,8 @@ def parser() -> argparse.ArgumentParser:
         "--without", type=one_of(Limit), choices=list(Limit), nargs="+", default=[],
         help="limits to ignore",
     )  # fmt: skip
-    add("--seed", type=whole(0), default=1, help="seed of the random starts")
-    add("--starts", type=whole(1), default=16, help="number of random starts")
+    add("--seed", type=whole(0), default=1, help="seed of the random starts (default: 1)")
+    add("--starts", type=whole(1), default=16, help="number of random starts (default: 16)")
     add(
         "--probe", type=above(0.0, LARGEST_PROBE), metavar="COMMAND",
         help="magnitude of an added pseudo-random valve command, such as 0.02, which "
@@ -377,6 +377,6 @@ def _summary(merit: dict[str, float], together: dict[str, float]) -> str:
 def _moves(seconds: float) -> str:
     """How long the crane moves in an experiment, if its periods last `seconds`."""
     return (
-        f"the crane moves for {(seconds + 2 * RUN_UP) / 60:.1f} min, start and stop included; "
-        "before that it goes to where they begin"
+        f"the crane moves for {(seconds + 2 * RUN_UP) / 60:.1f} min, start and stop included, "
+        "approach not"
     )

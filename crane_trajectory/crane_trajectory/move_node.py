@@ -137,7 +137,7 @@ def _planned(move: Move, machine: Machine, start: np.ndarray) -> TipPath:
 def summary(machine: Machine, path: TipPath, wanted: float) -> str:
     """The planned path in a few lines."""
     points, trajectory = [path.tip[0], path.tip[-1]], path.trajectory
-    begin, end = (f"({', '.join(f'{value:.3f}' for value in point)}) m" for point in points)
+    begin, end = (f"({', '.join(f'{value:z.3f}' for value in point)}) m" for point in points)
     slower = f" instead of {wanted:g} m/s, for {path.limited_by}" if path.limited_by else ""
     motion = trajectory.evaluate(np.linspace(0.0, trajectory.period, 1000))
     lines = [

@@ -122,14 +122,14 @@ class RunExcitationClient(Node):
         self._bar.total = max(feedback.duration, feedback.elapsed)
         self._bar.n = feedback.elapsed
         errors = (
-            f"{joint} {error * 1e3:+.0f} m{unit}"
+            f"{joint} {error * 1e3:+z.0f} m{unit}"
             for joint, unit, error in zip(
                 feedback.name, feedback.unit, feedback.tracking_error, strict=True
             )
         )
         if not self._stop.requested:
             self._bar.set_description(Phase(feedback.phase).name.lower(), refresh=False)
-        self._bar.set_postfix_str(", ".join(errors), refresh=False)
+        self._bar.set_postfix_str("error: " + ", ".join(errors), refresh=False)
         self._bar.refresh()
 
     def _accepted(self, request: Future) -> None:

@@ -67,7 +67,7 @@ GAIN_MEANINGS = {  # unit with U for that of the joint, meaning
     "dead_band_positive": ("-", "F_f: command at which the valve opens upwards"),
     "dead_band_negative": ("-", "F_f: command at which the valve opens downwards"),
     "standstill_speed": ("U/s", "Speed below which its sign is not trusted"),
-    "position_tolerance": ("U", "Error that a crane at rest is left with"),
+    "position_tolerance": ("U", "Position error that is tolerated at rest"),
 }
 LIVE = ". Changeable while running"
 
@@ -80,26 +80,25 @@ CONTROLLER = Text(
     "File of the gains, for each that is not given by itself; empty: controller.yaml of the "
     "machine. At configure",
 )  # fmt: skip
-LAW = Text("law", PD_DEAD_BAND, f"How the crane is controlled: {', '.join(NAMES)}. At configure")
+LAW = Text("law", PD_DEAD_BAND, f"Controller: {', '.join(NAMES)}. At configure")
 MODEL = Text(
     "model", "",
-    "Model file with the identified hydraulics of the machine, for every law but "
-    f"{PD_DEAD_BAND}. At configure",
+    "Model file with the identified hydraulics, for model-based controllers. At configure",
 )  # fmt: skip
 FEEDBACK_SCALE = Number(
     "feedback_scale", 1.0, "-", 0.05, 2.0,
-    f"Of the gains of every law but {PD_DEAD_BAND}; tune says what the crane tolerates. "
+    "Scale of the feedback gains of model-based controllers; tune finds what the crane tolerates. "
     "At configure",
 )  # fmt: skip
 LEARNING = Switch(
     "learning", False,
-    f"Learn a periodic motion from period to period, where law is {' or '.join(MAY_LEARN)}. "
+    f"Learn a periodic motion from period to period, if law is {' or '.join(MAY_LEARN)}. "
     "At configure",
 )  # fmt: skip
 LARGEST_TIP_LOAD = Number(
     "largest_tip_load", 0.0, "kg", 0.0, 1e5,
-    "Heaviest load of tip_load, as payload_estimator tells it, that every law but "
-    f"{PD_DEAD_BAND} controls the crane with; 0: tip_load is not listened to. At configure",
+    "Largest load of tip_load that a model-based controller uses; 0: tip_load is ignored. "
+    "At configure",
 )  # fmt: skip
 LEARNT_OUTPUT = Text(
     "learnt_output", "learnt_model.yaml", "Model file that ~/save_learnt writes, replacing it"
@@ -130,8 +129,8 @@ def _gain(joint: str, unit: str, field: str, default: float) -> Number:
 def _tolerance(joint: str, unit: str, default: float) -> Number:
     return Number(
         f"tracking_tolerance.{joint}", default, unit, 1e-4, 2.0,
-        "Distance from the reference at which the crane is brought to rest; a tenth of it where "
-        f"the model controls the joint{LIVE}",
+        "Distance from the reference at which the crane is brought to rest; a tenth of it "
+        f"with a model-based controller{LIVE}",
     )  # fmt: skip
 
 

@@ -197,7 +197,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--law",
         choices=NAMES,
         default=PD_DEAD_BAND,
-        help="controller, as of the trajectory node (default: %(default)s)",
+        help="controller, as in the trajectory node (default: %(default)s)",
     )
     parser.add_argument(
         "--feedback-scale",
@@ -293,7 +293,7 @@ def _tell(machine: Machine, law: str, tried: Tried, found: dict[str, JointMargin
         error = f"{1e3 * rms:.2f} m{machine.units[joint]}"
         gain = f"{_least(margin.gain, SCALES)}{margin.gain:g}"
         delay = f"{_least(margin.delay, DELAYS)}{1e3 * margin.delay:g} ms"
-        both = "stands" if margin.both else "swings"
+        both = "stable" if margin.both else "oscillates"
         print(f"{joint:16s}{error:>14s}{gain:>14s}{delay:>14s}  {both}")
     print(f"both: {WANTED_SCALE:g} times the gains and {1e3 * WANTED_DELAY:g} ms at once")
 
@@ -307,6 +307,6 @@ def _advice(options: TuneRequest, bad: dict[str, JointMargins], kp: dict[str, fl
         changes = (
             f"kp of {joint} to {margin.advised * kp[joint]:.3g}" for joint, margin in bad.items()
         )
-        return f"Lower {', '.join(changes)} in the controller file, kd alike, and tune again"
+        return f"Lower {', '.join(changes)} in the controller file, kd likewise, and tune again"
     scale = options.feedback_scale * min(margin.advised for margin in bad.values())
     return f"Give feedback_scale {scale:.2g} to the trajectory node, and tune with it again"

@@ -70,8 +70,7 @@ KINDS = (
 INTRODUCTION = """# Input files
 
 YAML files, in UTF-8, of 1 MB at most. Unknown keys are errors, which name the file, the line and
-the key. Where no default is given, the key must be there. The comments of the files that ship with
-the suite say what the numbers mean.
+the key. Keys without a default are required. The comments in the shipped files explain the numbers.
 """
 
 

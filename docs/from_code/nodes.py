@@ -35,8 +35,8 @@ JOINT = re.compile(rf"\b({'|'.join(load_machine().joint_names)})\b")
 UNIT = re.compile(r"(?<=Unit: )[^,]+(?=,)")
 INTRODUCTION = """# Parameters
 
-*At configure* says that a parameter can only be changed before: `deactivate`, `cleanup`, set it,
-`configure`, `activate`. *Empty* stands for `''`. Several values are those of the joints of the
+Parameters marked *At configure* take effect when the node is configured: `deactivate`, `cleanup`,
+set, `configure`, `activate`. *Empty* stands for `''`. Several values belong to the joints of the
 laboratory crane, from the base to the tip.
 """
 

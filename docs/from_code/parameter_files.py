@@ -26,8 +26,7 @@ HEAD = """# Parameters of the node {name}, with their defaults: copy it, keep wh
 #
 #   ros2 run {package} {name} --ros-args --params-file {name}.yaml
 #
-# What is commented out comes from elsewhere unless it is given here: from the files of the machine,
-# or from what the node hears.
+# Unless you set them here, commented parameters come from the files of the machine or from topics.
 
 /**/{name}:
   ros__parameters:

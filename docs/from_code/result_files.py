@@ -47,10 +47,9 @@ KINDS = (
 )
 INTRODUCTION = """# Result files
 
-What the commands write for programs, in JSON or, with six digits, in YAML. Each file is written
-through the schema shown here. Units are SI and stand in brackets: [-] is a ratio or a count,
-[rad, m] depends on the joint, and [unit] is given by `unit` beside it. A number that is not known
-is `null`. Models and trajectories, which the suite reads again, are [input files](files.md).
+Results for programs, in JSON or, with six digits, in YAML. Units are SI, in brackets: [-] is a
+ratio or a count, [rad, m] depends on the joint, and [unit] is given by `unit` next to it. An
+unknown number is `null`. Models and trajectories are [input files](files.md).
 """
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from math import copysign
 from typing import NamedTuple
 
 LINE = 15.0  # px, height of a line of text
@@ -81,7 +82,7 @@ OFFLINE_ARROWS = (
     Arrow("check", "diagnose"),
     Arrow("model", "diagnose"),
     Arrow("diagnose", "findings"),
-    Arrow("findings", "design", ("--discriminate",), 0.0, 0.7),
+    Arrow("findings", "design", ("--discriminate",), 0.0, 0.86),
     Arrow("model", "use"),
 )
 DIAGNOSIS = {
@@ -157,8 +158,8 @@ def _ends(start: Box, end: Box, shift: float) -> tuple[float, float, float, floa
     def border(box: Box, sign: float) -> tuple[float, float]:
         width, height = box.half
         reach = min(
-            (width - abs(aside[0])) / abs(dx) if dx else float("inf"),
-            (height - abs(aside[1])) / abs(dy) if dy else float("inf"),
+            (width - sign * copysign(1.0, dx) * aside[0]) / abs(dx) if dx else float("inf"),
+            (height - sign * copysign(1.0, dy) * aside[1]) / abs(dy) if dy else float("inf"),
         )
         return box.x + aside[0] + sign * dx * reach, box.y + aside[1] + sign * dy * reach
 

@@ -1,12 +1,12 @@
 """make demo: the whole suite live around the simulated crane, then a fitted and validated model.
 
 Simulated crane, driver, trajectory, identification and recorder run as processes; two experiments
-are recorded, the model is fitted to one bag and validated on the other. The same from bags of a
-machine with dynamic friction (LuGre), made faster than real time: the model cannot represent that
-law, and the bias this brings is seen. Then the fitted model leads the crane through the first
-motion again. An encoder is unplugged in mid-motion, and the crane goes home without it. Last, the
-machine gets an effect that the model lacks, and its bags alone must tell which. Everything is done
-by the executables that a user would call; results are left in runs/demo.
+are recorded, the model is fitted to one bag and validated on the other. The same is done
+with bags of a machine with dynamic friction (LuGre), which the model cannot represent. Then the
+fitted model controls the crane on the first motion. An encoder is unplugged in motion, and the
+crane returns home without it. Last, the machine gets an effect that the model lacks, and `diagnose`
+finds it from bags alone. The demo calls the executables that a user would call, and writes its
+results to runs/demo.
 """
 
 import argparse
@@ -45,20 +45,25 @@ WIDTH = 100  # characters, where the output is no terminal
 
 def main() -> int:
     """Run the demo; exit status 0, 1 if something failed, 130 after Ctrl-C."""
-    parser = argparse.ArgumentParser(description="The whole suite at work.")
-    parser.add_argument("--view", action="store_true", help="show it in a browser meanwhile")
+    parser = argparse.ArgumentParser(description="Run the whole suite on the simulated crane.")
+    parser.add_argument("--view", action="store_true", help="show the crane in a browser")
     parser.add_argument(
-        "--seed", type=int, default=SEED, help="of noise and of the injected effect"
+        "--seed",
+        type=int,
+        default=SEED,
+        help="seed of the noise and of the injected effect (default: 1)",
     )
     parser.add_argument(
-        "--realtime", action="store_true", help="at the pace of a real crane, not simulated time"
+        "--realtime",
+        action="store_true",
+        help="run at the pace of a real crane, without simulated time",
     )
     parser.add_argument(
         "--rate",
         type=int,
         choices=real_time.RATES,
         default=real_time.RATES[0],
-        help="of the encoders in real time [Hz] (default: %(default)s)",
+        help="rate of the encoders in real time [Hz] (default: %(default)s)",
     )
     add_machine(parser)
     options = parser.parse_args()
@@ -110,7 +115,7 @@ def _demo(
         friction_law.note_true_values(suite)
     with steps.step("live", "two experiments, live: driver, trajectory, identification", 90.0):
         live.record(suite, domain, law, seed, say)
-    with steps.step("bags", f"two bags of {dynamic.name}, without a driver", 5.0):
+    with steps.step("bags", f"two bags of a crane with {dynamic.name}", 5.0):
         make_bags(suite, dynamic)
     with steps.step("identify", "identification: fit, validation on the other bag, report", 50.0):
         identify(suite, *laws)
@@ -134,7 +139,7 @@ def _demo(
             lost = _unplug(steps, suite, domain, law, seed)
     with steps.step("missing_bags", "bags of a machine with an effect the model lacks", 60.0):
         missing.make_bags(suite, law, seed)
-    with steps.step("diagnose", "which effect is it? asked of the bags alone", 25.0):
+    with steps.step("diagnose", "which effect is it? from the bags alone", 25.0):
         missing.diagnose(suite, law)
     say(missing.answer(suite), highlight=False)
     say(missing.table())

@@ -75,7 +75,7 @@ def _unplugged(lost: Unplugged, units: Mapping[str, str]) -> MeasuredRow:
     return MeasuredRow(
         cells=[
             f"encoder of {lost.joint} unplugged in motion: named; valves neutral; error of the "
-            f"estimate at home; load of {lost.true_load:g} kg estimated on the way",
+            f"estimate at home; load of {lost.true_load:g} kg estimated in motion",
             "1 s",
             f"{{named:.2f}} s by {lost.named_by}; {{neutral:.2f}} s; "
             f"{{error:.1f}} m{units[lost.joint]}; {{load:.1f}} ± {{load_std_dev:.1f}} kg",

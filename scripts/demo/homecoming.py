@@ -85,7 +85,7 @@ def table(law: CraneRun, found: Unplugged) -> Table:
     error = 1e3 * found.estimate_error
     result.add_row("at home: estimate less encoder, plugged in again", f"{error:.1f} m{unit}")
     load_shown = f"{found.load:.1f} ± {found.load_std_dev:.1f} kg"
-    result.add_row(f"payload estimated on the way, of {found.true_load:g} kg", load_shown)
+    result.add_row(f"payload estimated in motion, true {found.true_load:g} kg", load_shown)
     return result
 
 

@@ -13,7 +13,7 @@ PERIODS = 5  # of the bags that are made faster than real time
 def report_law(machine: str) -> CraneRun:
     """That which the machine's model can represent."""
     plant = machine_file("simulated_crane.yaml", machine)
-    return CraneRun("the report's friction law (13)", machine, plant, OUT)
+    return CraneRun("the paper's friction law (13)", machine, plant, OUT)
 
 
 def dynamic_law(machine: str) -> CraneRun:

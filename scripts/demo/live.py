@@ -31,7 +31,7 @@ def record(suite: Processes, domain: int, law: CraneRun, seed: int, say: Say) ->
         start_identification(suite, law)
         experiment(suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, listeners)
         suite.stop("identification")
-        say("a second, other motion, for validation")
+        say("a second motion, for validation")
         experiment(suite, onlooker, law, "validate", VALIDATION, VALIDATION_PERIODS, LEADING)
         stop(suite)
 

@@ -82,7 +82,7 @@ def answer(suite: Processes) -> str:
 
 def table() -> Table:
     """The answer and the ground truth, which is opened here."""
-    result = plain_table("The ground truth, opened only now, and the answer")
+    result = plain_table("Ground truth and answer")
     for heading in ("", "effect", "joint"):
         result.add_column(heading, no_wrap=True)
     for heading in ("magnitude", "force unexplained before", "after"):

@@ -13,10 +13,10 @@ from crane_model.machine import load_machine
 
 def table(law: CraneRun, outcome: DemoOutcome) -> Table:
     """Parameter, unit, true value, and what was identified online and offline."""
-    result = plain_table("Θ: true in the simulated crane, identified online and from its bag")
+    result = plain_table("Parameters: true values, online estimates, and the fit to the bag")
     for heading in ("parameter", "unit"):
         result.add_column(heading, no_wrap=True)
-    for heading in ("true", "online ± σ", "off/σ", "offline ± σ", "off/σ"):
+    for heading in ("true value", "online ± σ", "error/σ", "offline ± σ", "error/σ"):
         result.add_column(heading, justify="right", no_wrap=True)
     true_values = law.true_values()
     online = {estimate.name: estimate for estimate in outcome.online}
@@ -61,7 +61,7 @@ def bags_table(law: CraneRun, outcome: DemoOutcome) -> Table:
 
 def errors_table(summary: Summary, dynamic: Summary) -> Table:
     """Held-out errors per joint."""
-    result = plain_table("On the bag that was not used for fitting: error of force and of motion")
+    result = plain_table("Errors of force and motion on the held-out bag")
     result.add_column("joint", no_wrap=True)
     motion, errors = motion_errors(summary)
     columns: dict[str, Mapping[str, float | None]] = {

@@ -71,7 +71,7 @@ def refusal(law: CraneRun) -> str:
 
 def unplug(suite: Processes, domain: int, law: CraneRun, seed: int, joint: str, say: Say) -> Pulled:
     """Recorded as the bag `USE`. `ProcessError` where a process fails or nothing is noticed."""
-    say(f"the encoder of {joint} is unplugged in motion, under an undeclared load of {LOAD:g} kg")
+    say(f"an encoder ({joint}) is unplugged in motion, under an undeclared load of {LOAD:g} kg")
     with OperatorNode(suite, domain) as hand:
         known = ("-p", f"model:={law.fitted}", *suite.clock)
         led = ("-p", f"law:={law.controller}", "-p", f"model:={law.fitted}")
@@ -81,7 +81,7 @@ def unplug(suite: Processes, domain: int, law: CraneRun, seed: int, joint: str, 
             suite.start(name, "crane_observer", name, *of_machine)
         record_to(suite, law.bag(USE))
         at = pull_plug(suite, hand, law, joint, LISTENERS)
-        say("the monitor found it, the crane is at rest; it returns home on the estimate, by jog")
+        say("the crane has stopped; jog moves it home on the estimate")
         suite.until(lambda: hand.substitute(joint), "the driver takes no substitute")
         suite.until(hand.reset, "the fault is not reset")
         suite.until(hand.silent, "somebody commands the valves")

@@ -24,7 +24,7 @@ class Part:
 
 
 CORE = Part("the suite and ROS 2 Jazzy", 300, "20 s to 1 min")
-WITH_ROS = Part("the suite and its tests, beside the installed ROS", 415, "20 s to 1 min")
+WITH_ROS = Part("the suite and its tests, next to the installed ROS", 415, "20 s to 1 min")
 EXTRAS = {
     "benchmark": Part("the benchmark of diagnoses", 5, "5 s"),
     "docs": Part("the manual", 40, "5 to 10 s"),
@@ -149,8 +149,8 @@ def _usable(machine: Machine) -> bool:
 
 def _install_pins(machine: Machine, wanted: list[str], part: Part) -> None:
     print(
-        f"set-up: {len(wanted)} Python packages for {part.purpose}: up to {part.download} MB to "
-        f"download, unless they are in a cache; beside that usually {part.time}",
+        f"set-up: {len(wanted)} Python packages for {part.purpose}: downloads up to "
+        f"{part.download} MB, then usually {part.time}",
         flush=True,
     )
     requirements = machine.venv / "crane-requirements.txt"

@@ -86,8 +86,7 @@ def build(machine: Machine) -> None:
     """Run `colcon build`; SetupError if it fails."""
     number = len(_package_folders(machine))
     print(
-        f"set-up: colcon build of {number} packages, among them crane_interfaces, which generates "
-        "and compiles the messages: usually 30 s to 1 min",
+        f"set-up: colcon builds {number} packages, usually 30 s to 1 min",
         flush=True,
     )
     _stamp(machine).unlink(missing_ok=True)

@@ -125,12 +125,12 @@ def test_gentle_motion(measured: Measured) -> None:
     }
     to = planned(FourierTrajectory(name="gentle", period=60.0, joints=joints), CRANE)
     found = scores(BESIDE_36, CRANE, of_stock(), to)
-    what = "gentle, 30 % of the way in 60 s"
+    what = "gentle, 30 % of the displacement in 60 s"
     row(measured, f"{what}, RMS", "10 times better than (36)", rms(found))
     ripple = {law: score.ripple[BOOMS] for law, score in found.items()}
     row(measured, f"{what}, ripple of the speed [mrad/s, mm/s]", "less than (36)", ripple)
     valve = {law: score.valve[BOOMS] for law, score in found.items()}
-    row(measured, f"{what}, way of the valve [1/s]", "less than (36)", valve)
+    row(measured, f"{what}, travel of the valve [1/s]", "less than (36)", valve)
     before = found[PD_DEAD_BAND]
     for law in RECOMMENDED:
         assert better(before, found[law]).min() >= 10.0

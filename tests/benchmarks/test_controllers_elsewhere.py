@@ -48,7 +48,7 @@ def test_hard_machines(name: str, measured: Measured) -> None:
         assert (before / found[law].rms[BOOMS] >= 20.0).all(), law
     if known.hydraulics.play.max() > 1e-3:
         blind = scores([PRESSURES], machine, known.without_play())
-        row(measured, f"{name}, not told of the hysteresis, RMS", "4 times better than (36)",
+        row(measured, f"{name}, hysteresis not in the model, RMS", "4 times better than (36)",
             rms(blind))  # fmt: skip
         assert (before / blind[PRESSURES].rms[BOOMS] >= 4.0).all()
 
@@ -57,7 +57,7 @@ def test_flow_by_other_laws(measured: Measured) -> None:
     machine = other_laws()
     known = identify_from_bags(machine, motion(periods=3))
     found = scores((PD_DEAD_BAND, *RECOMMENDED), machine, known)
-    row(measured, "flow by other laws, RMS", "20 times better than (36)", rms(found))
+    row(measured, "valves with another flow equation, RMS", "20 times better than (36)", rms(found))
     for law in RECOMMENDED:
         assert (found[PD_DEAD_BAND].rms / found[law].rms)[BOOMS].min() >= 20.0, law
 

@@ -32,7 +32,7 @@ def test_the_experiment_is_for_the_class(
     measured(
         f"{effect.name}, {case.joint}, {case.relative_magnitude:.1%} of the drive, "
         f"seed {case.seed}: members "
-        "of the class; least separation told, foretold; recording; answer with it",
+        "of the ambiguity group; smallest separation before, predicted; recording; answer with it",
         "named",
         f"{len(before.classes[0])}; {told:.1f}, {foretold:.0f} σ; {plan['duration']:.0f} s; "
         + ("named" if DISCRIMINATED[case.name] else f"`{after.verdict}`, not discriminated"),

@@ -1,4 +1,4 @@
-"""Excitation design at the report's setting, beside random search and SLSQP by differences.
+"""Excitation design at the paper's setting, beside random search and SLSQP by differences.
 
 Table 2 without margins, 5 harmonics, period 66 s, the 20 base columns in SI units, 200 samples of
 the period, no bounds on clearance and acceleration. Times are of
@@ -121,7 +121,7 @@ def test_designs_reach_the_marks_from_every_seed(measured) -> None:
     slowest = max(cpu for *_, cpu, _ in designs)
     wall = max(wall for *_, wall in designs)
     measured(
-        "excitation at the report's setting: raw, column-normalised condition number",
+        "excitation at the paper's setting: raw, column-normalised condition number",
         "272, 16",
         "{raw:.0f}, {normalised:.1f}",
         raw=raw,

@@ -119,7 +119,7 @@ def test_flow_of_a_shared_pump(field: Field, measured: Measured) -> None:
 
 
 def test_force_on_held_out_work(field: Field, measured: Measured) -> None:
-    """And with the true parameters: the bound that the sensors set."""
+    """And with the true parameters that the sensors set."""
     model = field.model
     options = Options(average=False)
     held_out = Sources(model, None, options, lambda *_: None).read([field.folder / "validate"])
@@ -130,7 +130,7 @@ def test_force_on_held_out_work(field: Field, measured: Measured) -> None:
         pooled(each, validate(each, held_out, options, lambda *_: None)).relative
         for each in (model, exact)
     )
-    for what, errors in (("identified", found), ("true parameters: the bound", bound)):
+    for what, errors in (("identified", found), ("true parameters", bound)):
         text = ", ".join(
             f"{joint} {error:.1%}" for joint, error in zip(model.joints, errors, strict=True)
         )

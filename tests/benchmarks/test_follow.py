@@ -116,7 +116,7 @@ def test_a_stranger_walks_from_a_bag_to_a_crane_that_follows(
         was, now = before[joint], after[joint]
         assert was and now
         measured(
-            f"live, walked by the how-to, {joint}: RMS, PD controller, identified model",
+            f"live, by the steps of the guide, {joint}: RMS, PD controller, identified model",
             f"{1e3 * TARGET:g} mrad or mm, {BETTER:g} times better",
             "{was:.1f}, {now:.2f}; {times:.0f} times",
             was=1e3 * was, now=1e3 * now, times=was / now,

@@ -193,7 +193,7 @@ def test_valve_commands_alone_move_it(
         aim = AHEAD[one.horizon]
         errors = "/".join(f"{1e3 * error:.3f}" for error in one.position_rms)
         measured(
-            f"open loop from commands, {one.horizon:g} s ahead, of the way "
+            f"open loop from commands, {one.horizon:g} s ahead, of the displacement "
             f"({'/'.join(one.joints)})",
             f"<= {aim:.1%}",
             f"{'/'.join(f'{share:.3%}' for share in one.relative)} ({errors} mrad, mm)",

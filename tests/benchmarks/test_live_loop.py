@@ -76,7 +76,7 @@ def report(loop: Loop, measured: Callable[..., None]) -> None:
     whole = (hops[:, -1] - hops[:, 0]) * 1e-6
     print(f"encoder frame: received after it was sampled             {percentiles(late)}")
     if shift.size:
-        print(f"joint state: stamp beside the instant of sampling        {percentiles(shift)}")
+        print(f"joint state: stamp after the instant of sampling         {percentiles(shift)}")
     print(f"joint state: received in the recorder after its stamp    {percentiles(delay)}")
     print(f"encoder frame -> valve frame, {len(whole):5d} loops             {percentiles(whole)}")
     for k, hop in enumerate(HOPS):
@@ -102,7 +102,7 @@ def report(loop: Loop, measured: Callable[..., None]) -> None:
     )
     latencies(measured, "encoder frame received after it was sampled", late)
     if shift.size:
-        latencies(measured, "stamp of the joint state beside the instant of sampling", shift)
+        latencies(measured, "stamp of the joint state after the instant of sampling", shift)
     latencies(measured, "encoder frame to valve frame", whole, f"p50 {P50:g}, p99 {P99:g} ms")
     for k, hop in enumerate(HOPS):
         latencies(measured, f"of this: {hop}", np.diff(hops)[:, k] * 1e-6)

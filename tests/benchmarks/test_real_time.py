@@ -40,8 +40,8 @@ VALVES = (
 )
 CONTROLLER = [sys.executable, str(Path(__file__).parent / "live_controller.py")]
 LOADS = {
-    "nothing": [],
-    "a busy loop a core, another terminal": [sys.executable, "-c", "while True: pass"],
+    "no other load": [],
+    "a busy loop on each core, another terminal": [sys.executable, "-c", "while True: pass"],
     "the same in the idle class": ["chrt", "--idle", "0", sys.executable, "-c", "while True: pass"],
 }
 DRIVERS = {
@@ -127,7 +127,7 @@ def test_the_driver_beside_other_work(
             seen = row(tmp_path / f"{place}_{realtime}", command, parameters)
             print(f"{load:37s} {realtime:9s} {seen}", flush=True)
             measured(
-                f"beside {load}, {'with' if realtime == 'yes' else 'without'} real time: valve "
+                f"{load}, {'with' if realtime == 'yes' else 'without'} real time: valve "
                 "frame to frame, p99, max; faults a minute",
                 "",
                 "{p99:.0f}, {longest:.0f} ms; {faults:.0f}",

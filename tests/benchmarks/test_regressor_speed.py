@@ -61,7 +61,7 @@ def test_regressor_is_at_least_five_times_as_fast(samples: int, measured) -> Non
         ratio = rate / pinocchio
         print(f"  crane_model                {columns:2d}        {rate / 1e6:10.3f}{ratio:18.1f}")
         measured(
-            f"regressor of {columns} columns, {samples} samples, beside Pinocchio from Python",
+            f"regressor of {columns} columns, {samples} samples, against Pinocchio from Python",
             f"{AT_LEAST:g} times",
             "{times:.1f} times, {rate:.1f} million samples/s",
             times=ratio,

@@ -1,6 +1,6 @@
 """`python -m integration.panel_picture`, in tests: the operator's page for the manual, as it is.
 
-The simulated crane is led through a trajectory meanwhile.
+Meanwhile, the simulated crane follows a trajectory.
 """
 
 import os
@@ -12,12 +12,13 @@ from integration.browser import installed
 from integration.driver_stage import Stage
 from integration.experiments import Experiments
 from integration.live_page import Page
-from integration.panel_visits import DESK, served, until
+from integration.panel_visits import served, until
 from integration.processes import end
 
 from crane_nodes import this_computer
 
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "panel.png"
+WINDOW = (1280, 868)  # down to the faults
 RUNNING = "document.getElementById('phase').textContent.startsWith('excitation')"
 
 
@@ -31,7 +32,7 @@ def main() -> None:
         panel = stack.enter_context(served())
         experiments = Experiments(stage, folder)
         stack.callback(end, experiments.process)
-        page = stack.enter_context(Page(installed(), panel.url, *DESK))
+        page = stack.enter_context(Page(installed(), panel.url, *WINDOW))
         experiments.moving()
         until(lambda: page.evaluate(RUNNING))
         PICTURE.write_bytes(page.picture())

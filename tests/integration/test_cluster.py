@@ -55,7 +55,7 @@ def test_same_estimate_as_on_one_machine(bags: list[Path], address: str, measure
     expected = fit(model, [read_bag(bag, model.joints) for bag in bags], OPTIONS)
     difference = np.abs(found.model.theta / expected.estimate.values - 1.0).max()
     measured(
-        "fit on two Dask workers beside one machine",
+        "fit on two Dask workers against one machine",
         "the same to 1e-9",
         "{difference:.0e}",
         difference=difference,

@@ -93,7 +93,7 @@ def test_a_joint_goes_on_by_the_position_estimator_until_that_ends(
             side = -1.0 if stage.encoders[LOST] > MIDDLE else 1.0  # where there is way to go
             table = limits.velocity_max if side > 0.0 else -limits.velocity_min
             speed = fastest(stage, moved, side)
-            print(f"{speed / table:.2f} of the speed of Table 2, permitted {SHARE}")
+            print(f"{speed / table:.2f} of the speed limit, permitted {SHARE}")
             assert 0.1 < speed / table < 1.25 * SHARE
             newest = estimates[-1]
             error = newest.position[newest.name.index(LOST)] - stage.encoders[LOST]

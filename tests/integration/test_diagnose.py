@@ -107,7 +107,7 @@ def test_the_time_that_it_took_is_said(nothing: tuple[Path, str]) -> None:
         (["--explain", "absent"], "findings.json"),
         (
             ["--model", MODEL, "--train", "a", "--validate", "a", "--out", "b"],
-            "took no part",
+            "on held-out recordings",
         ),
         (
             ["--model", MODEL, "--train", "a", "./a", "--validate", "b", "--out", "c"],

@@ -153,4 +153,4 @@ def test_a_stop_without_a_line_says_that_no_driver_was_heard() -> None:
         assert status == 200
         answer = json.loads(said)
         assert answer["success"] is False
-        assert "no driver tells its state on /nobody/driver/state" in answer["message"]
+        assert "no driver publishes its state on /nobody/driver/state" in answer["message"]

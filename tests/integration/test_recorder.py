@@ -168,7 +168,7 @@ def lost_by_kill(ros: Graph, source: Source, bag: Path, mended: Path) -> int:
     killed = time.time_ns()
     assert recorder.end(signal.SIGKILL) == -signal.SIGKILL
     before = {file.name: file.read_bytes() for file in bag.iterdir()}
-    with pytest.raises(DataError, match=f"mend it: ros2 run crane_nodes recover {bag} --out"):
+    with pytest.raises(DataError, match=f"repair it: ros2 run crane_nodes recover {bag} --out"):
         stamps(bag)
 
     recover = ros.start("recover", bag, "--out", mended)

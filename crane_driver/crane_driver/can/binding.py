@@ -254,7 +254,7 @@ class _Binder:
             )
             return None
         if len(set(numbers.values())) < len(numbers):
-            self._problem(key, f"two ways have one value: {given}")
+            self._problem(key, f"two directions have one value: {given}")
         positive, negative = numbers["positive"], numbers["negative"]
         assert positive is not None and negative is not None  # checked above
         if entry.sign < 0:
@@ -285,7 +285,7 @@ class _Binder:
         message, signal = found
         low, high = raw_limits(signal)
         if not low <= raw <= high or (raw != int(raw) and not signal.is_float):
-            self._problem(key, f"{raw:g} is no raw value of {name}: {low:g} to {high:g}")
+            self._problem(key, f"{raw:g} is not a raw value of {name}: {low:g} to {high:g}")
         self.constants[message.name][signal.name] = raw
 
     def _bind_protection(self, key: str, name: str, entry: Protection) -> None:

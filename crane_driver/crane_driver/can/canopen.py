@@ -68,7 +68,7 @@ class Watch:
             self.active.clear()
         if previous is NodeState.OPERATIONAL and self.state is not NodeState.OPERATIONAL:
             if self.state is NodeState.BOOTED:
-                detail = "boot-up message in operation; look at its supply and at who resets it"
+                detail = "boot-up message in operation; check its supply, and what resets it"
                 faults.append(self._fault(FaultKind.REBOOT, detail))
             else:
                 detail = f"state {self.state} (0x{number:02X}), it was operational"

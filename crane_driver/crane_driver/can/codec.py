@@ -373,7 +373,9 @@ def _directed(
     count = raw[channel.direction.signal]
     sign = channel.direction.sign(int(count))
     if sign is None:
-        detail = f"{channel.direction.signal} of {channel.name} is {count}, which is no direction"
+        detail = (
+            f"{channel.direction.signal} of {channel.name} is {count}, which is not a direction"
+        )
         faults.append(layout.fault(FaultKind.STATE, detail, channel.name))
         return None
     return sign * value

@@ -82,7 +82,7 @@ def describe(log: BusLog, table: LogTable) -> str:
     lines = [
         f"{table.frames} frames read over {duration:.3f} s: {table.decoded} decoded, {unknown} of "
         f"{len(table.unknown)} unknown ids, {failed} not decodable",
-        *(f"beside them {text}" for text in beside(log)),
+        *(f"also {text}" for text in beside(log)),
         *_about_stamps(log),
         "",
         f"{'message':24} {'id':>8} {'frames':>7} {'cycle [ms]':>11} {'in DBC':>7} "

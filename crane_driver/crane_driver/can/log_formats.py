@@ -340,7 +340,7 @@ def open_log(path: Path, channel: str | None = None, zone: tzinfo | None = None)
         raise DataError(f"{path}: the log is empty")
     if any(SCREEN_LINE.fullmatch(line) for line in lines):
         raise DataError(
-            f"{path}: what candump shows on the screen, with stamps that do not tell when; record "
+            f"{path}: what candump shows on the screen, with relative stamps; record "
             "with candump -l, or show them with -ta"
         )
     raise DataError(

@@ -192,7 +192,7 @@ def check_valves(valves: Sequence[str], positions: Sequence[str]) -> None:
     if blind := [joint for joint in valves if joint not in positions]:
         raise ConfigurationError(
             f"mapping: {', '.join(blind)} can be commanded, but there is no position to keep the "
-            "limits of Table 2 by; map one, or take the command out"
+            "joint limits by; map one, or remove the command"
         )
 
 

@@ -147,7 +147,7 @@ class FaultyEncoders:
         """
         old = set(told) if before else self._before & set(told)
         warnings = [
-            f"{joint}: {told[joint]}, found before this driver began: not heeded; if it is not "
+            f"{joint}: {told[joint]}, found before this driver started: ignored; if it is not "
             "repaired, repair it, then let sensor_monitor forget it"
             for joint in sorted(old - self._before)
         ]

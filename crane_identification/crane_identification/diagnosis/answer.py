@@ -154,7 +154,7 @@ def _of_effects(proof: Proof, forms: Forms) -> Answer:
         told = np.floor(100.0 * share)  # never all, if something is left
         said.insert(0, f"the effects explain {told:.0f}% of what can be explained")
     groups = [_alternatives(one) for one in proof.trial.effects if one.indistinct]
-    apart = [f"these recordings cannot tell apart: {'; '.join(groups)}"] if groups else []
+    apart = [f"these recordings do not discriminate: {'; '.join(groups)}"] if groups else []
     said += [
         f"the form of {one.candidate.label} differs from that of the catalogue"
         for one in forms.values()
@@ -453,7 +453,7 @@ def _rejected(one: Rejection) -> str:
     with_it = f"with it, {', '.join(change_told(change) for change in one.errors)}"
     match one.reason:
         case Reason.SCORE:
-            return f"its score is {measured:.0f}, and {limit:.0f} is asked for"
+            return f"its score is {measured:.0f}, and {limit:.0f} is required"
         case Reason.STRENGTH:
             return (
                 f"it is {measured:.2g} of the drive force, where the errors of the processing "
@@ -465,21 +465,21 @@ def _rejected(one: Rejection) -> str:
                 "it was not fitted to"
             )
         case Reason.FORM:
-            return "one of them is but the form of another one"
+            return "one of them is only another form of a stronger one"
         case Reason.RIVALS:
-            return f"others that look different are as good as {about}"
+            return f"effects with other signatures are as good as {about}"
         case Reason.SIGNATURE:
-            return f"{about} explains clearly more than any shape of it"
+            return f"{about} explains clearly more than any form of it"
         case Reason.CLOSED if measured < 0.0:
-            return f"{with_it}; it should close {limit:.0%} of the gap"
+            return f"{with_it}; it should remove {limit:.0%} of the model error"
         case Reason.CLOSED:
             return (
-                f"it closes {measured:.0%} of what could be closed of the gap on held-out "
-                f"recordings, and {limit:.0%} are asked for"
+                f"it removes {measured:.0%} of the explainable model error on held-out "
+                f"recordings, and {limit:.0%} are required"
             )
         case Reason.RESEMBLANCE:
             explained = f"it explains {measured:.0%} of what can be explained"
-            return f"{explained}, and {limit:.0%} are asked for"
+            return f"{explained}, and {limit:.0%} are required"
         case Reason.WIDENED:
             return with_it
 
@@ -498,4 +498,4 @@ def beyond_told(one: Beyond) -> str:
     if one.effects:
         rejected = objection_told(one.rejections)
         return f"{', '.join(one.effects)} explains more than chance does, but {rejected}"
-    return f"on {one.joint} there is {one.signature}, as of no effect of the catalogue"
+    return f"on {one.joint} there is {one.signature}, which no effect of the catalogue has"

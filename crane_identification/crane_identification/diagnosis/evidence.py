@@ -101,8 +101,8 @@ QUANTITIES: dict[str, tuple[str, _Reader | None]] = {
     "position": ("{q}", lambda record, j: record.position[:, j]),
     "velocity": ("{q}/s", lambda record, j: record.velocity[:, j]),
     "acceleration": ("{q}/s2", lambda record, j: record.acceleration[:, j]),
-    "way": ("{q}", None),
-    "way since it turned": (
+    "displacement": ("{q}", None),
+    "displacement since the reversal": (
         "{q}",
         lambda record, j: way_since_turned(record.position[:, j], record.velocity[:, j]),
     ),
@@ -132,7 +132,7 @@ def _rate_of_force(record: Record) -> np.ndarray:
 
 
 OF_A_JOINT = (
-    *("position", "velocity", "acceleration", "way since it turned"),
+    *("position", "velocity", "acceleration", "displacement since the reversal"),
     *("force", "pressure sum", "valve command"),
 )
 

@@ -377,7 +377,7 @@ def examine(
         try:
             here, there = FlowRows(evidence, joint), FlowRows(held_out, joint)
             if joint in distrusted:
-                raise DataError(f"flow of '{joint}': its sensors may be wrong; settle that first")
+                raise DataError(f"flow of '{joint}': its sensors may be wrong; resolve that first")
             own = usual_of(joint, usual, evidence.model.hydraulics)
             found.append(_flow(here, there, own, thresholds))
         except DataError as error:

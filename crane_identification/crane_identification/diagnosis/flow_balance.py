@@ -143,7 +143,7 @@ class FlowRows:
             cut = self.known < 0.9 * self.recorded
             raise DataError(
                 f"flow of '{self.joint}': it moves up for {up:.0f} s and down for {down:.0f} s "
-                f"where all is known, {LEAST_TIME:.0f} s each needed; "
+                f"with all signals known, {LEAST_TIME:.0f} s each needed; "
                 + (
                     f"{', '.join(SIGNALS)} are known together for {self.known:.1f} s of "
                     f"{self.recorded:.1f} s: log them all along"

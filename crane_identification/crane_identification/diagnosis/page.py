@@ -220,7 +220,7 @@ def _signature(
     return Picture(
         key,
         f"The residual {zone} without this effect and with it, against the {about}. Lines: the "
-        "effect beside the model, forwards (solid) and backwards (dashed)",
+        "visible part of the effect, forwards (solid) and backwards (dashed)",
         _sizes(before, after, force),
         description(
             data, about + (f" [{unit}]" if unit else ""), f"τ − τ<sub>model</sub> [{force}]"
@@ -233,7 +233,7 @@ def folds(number: int, names: Sequence[str], gains: np.ndarray, recordings: set[
     whole = set(names) <= recordings
     part = "training recording" if whole else "part of the training data"
     ends, axis = span(gains), dict[str, Any]()
-    caption = [f"Does it help on each {part}, left out of the fit in turn?"]
+    caption = [f"Improvement on each {part}, left out of the fit in turn."]
     if ends is not None:
         axis = {"range": list(ends), "autorange": False}
         beyond = np.flatnonzero((gains < ends[0]) | (gains > ends[1]))
@@ -241,8 +241,8 @@ def folds(number: int, names: Sequence[str], gains: np.ndarray, recordings: set[
         caption.append(f"The axis is cut: {listed(far)}.")
     unknown = [str(i + 1) for i in np.flatnonzero(~np.isfinite(gains))]
     if unknown:
-        caption.append(f"Not asked: {listed(unknown)}, without which it is not determined.")
-    told = [plain(gain) if np.isfinite(gain) else "not asked" for gain in gains]
+        caption.append(f"Not tested: {listed(unknown)}, without which it is not determined.")
+    told = [plain(gain) if np.isfinite(gain) else "not tested" for gain in gains]
     bars = {
         "type": "bar",
         "x": [str(number + 1) for number in range(len(names))],
@@ -289,8 +289,7 @@ def _held_out(diagnosis: Diagnosis, key: str, j: int) -> Picture:
     ]
     return Picture(
         key,
-        f"On a recording that took no part: {spoken(diagnosis.joints[j])}, measured less predicted "
-        "force",
+        f"On a held-out recording: {spoken(diagnosis.joints[j])}, measured minus predicted force",
         _sizes(before, after, unit),
         description(data, "t [s]", f"τ − τ<sub>model</sub> [{unit}]"),
     )

@@ -148,8 +148,7 @@ def visible(
             reasons[candidate] = (
                 "these recordings do not show all of its parameters"
                 if candidate.changes
-                else f"{share:.1%} of its column is left beside the model, "
-                f"{VISIBLE_SHARE:.0%} needed"
+                else f"{share:.1%} of its column is visible, {VISIBLE_SHARE:.0%} needed"
             )
     return wanted, reasons
 
@@ -166,7 +165,7 @@ def _usual(projection: Projection) -> dict[Candidate, str]:
         if (values > limit).any():
             return {}
         found[shaped.candidate] = (
-            f"{values.max():.2%}, as these recordings have it, is no more than what is usual, "
+            f"{values.max():.2%}, as these recordings have it, does not exceed the usual "
             f"{limit:.1%}"
         )
     return found

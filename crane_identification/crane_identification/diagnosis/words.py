@@ -233,8 +233,7 @@ def magnitude(finding: Content) -> str:
     if finding["relative_magnitude"] is None:
         return f"{visible} of the flow"
     return (
-        f"rms {short_percent(finding['relative_magnitude'])} of that of the drive force; {visible} "
-        "show beside the model"
+        f"rms {short_percent(finding['relative_magnitude'])} of the drive force; {visible} visible"
     )
 
 
@@ -247,7 +246,7 @@ def evidence(finding: Content) -> str:
     text += f"; {finding['margin']:.0f} ahead of {alone(runner)}"
     member = any(alone(one) == alone(runner) for one in finding["ambiguity_group"])
     if member or finding["margin"] > finding["margin_needed"]:
-        return f"{text}, {finding['margin_needed']:.0f} asked"
+        return f"{text}, {finding['margin_needed']:.0f} required"
     return f"{text}, which is the same with more freedom"
 
 
@@ -421,8 +420,8 @@ def _formula(unknown: Content) -> Iterator[str]:
         values = ", ".join(str(estimate(each)) for each in one["parameters"])
         yield (
             f"a short formula: {one['equation']} with {values}; held-out error "
-            f"{_step(one['before'], one['after'])}, {short_percent(one['closed_share'])} of what "
-            f"could be closed; name it with --terms {formula_file(unknown)}"
+            f"{_step(one['before'], one['after'])}, {short_percent(one['closed_share'])} of the "
+            f"explainable error removed; name it with --terms {formula_file(unknown)}"
         )
 
 
@@ -442,7 +441,7 @@ def _question(question: Content) -> str:
     if question["kind"] == QuestionKind.UNDETERMINED:
         return f"{names}: is it there at all?"
     known = dict.fromkeys(one["discriminated_by"] for one in members)
-    return f"{names}: told apart by {'; or '.join(known)}"
+    return f"{names}: discriminated by {'; or '.join(known)}"
 
 
 def discriminating_command(content: Content, folder: Path) -> str:
@@ -475,14 +474,14 @@ def lines(content: Content) -> list[str]:
     for name, key in (
         ("Not determined by these recordings", "undetermined"),
         ("In counts, and need units", "needs_units"),
-        ("Not asked for", "without"),
+        ("Excluded", "without"),
     ):
         if content[key]:
             out.append(f"{name}: {', '.join(content[key])}")
     if content["clock"]:
         out.append(f"No time of a session: {content['clock']}")
     counted = (
-        ("effects that hide behind the parameters of the model", content["not_testable"]),
+        ("effects that the parameters of the model absorb", content["not_testable"]),
         ("effects that are not observable in these recordings", content["not_observable"]),
         ("joints with a balance of the flow", content["flow"]),
     )
@@ -494,7 +493,7 @@ def lines(content: Content) -> list[str]:
 def next_step(content: Content, folder: Path) -> list[str]:
     """The command that designs the experiment for what is open in a folder; none if nothing is."""
     command = discriminating_command(content, folder)
-    return [f"An experiment that discriminates what is open: {command}"] if command else []
+    return [f"Experiment to discriminate the remaining candidates: {command}"] if command else []
 
 
 def _error_lines(content: Content) -> Iterator[str]:
@@ -502,7 +501,7 @@ def _error_lines(content: Content) -> Iterator[str]:
     yield f"Held-out error of the force{both} (scatter between periods, flexible learner):"
     for one in errors(content):
         change = f" → {one.after}" if one.after else ""
-        closed = f", {one.closed} of what could be closed" if one.closed != NONE else ""
+        closed = f", {one.closed} of the explainable error removed" if one.closed != NONE else ""
         yield f"  {one.joint}: {one.before}{change} ({one.floor}, {one.learner}){closed}"
     if carried := ", ".join(map(str, loads(content))):
         yield f"  each with its own load, estimated from it: {carried}"
@@ -519,7 +518,7 @@ def _finding_lines(number: int, finding: Content) -> list[str]:
     values = ", ".join(map(str, estimates(finding)))
     if finding["ambiguity_group"]:
         out.append(f"   as {alone(finding)}: {values}")
-        out.append(f"   told apart by {finding['discriminated_by']}")
+        out.append(f"   discriminated by {finding['discriminated_by']}")
     elif values:
         out.append(f"   {values}")
     return [

@@ -197,11 +197,11 @@ def _reason(model: Model, preparations: Sequence[Preparation], joint: str, one_s
     position = np.concatenate([p.record.position[:, j] for p in preparations])
     velocity = np.concatenate([p.record.velocity[p.moving[:, j], j] for p in preparations])
     if not len(velocity):
-        return "moves at no time, or no faster than its velocity can be told from standstill"
+        return "does not move, or too slowly to distinguish it from standstill"
     up = float((velocity > 0.0).mean())
     if min(up, 1.0 - up) < ONE_WAY_TIME_SHARE:
         way = "up" if up > 0.5 else "down"
-        return f"moves {way} in {max(up, 1.0 - up):.0%} of its motion; move it both ways"
+        return f"moves {way} in {max(up, 1.0 - up):.0%} of its motion; move it in both directions"
     speed = np.abs(velocity)
     if one_speed or speed.std() < ONE_SPEED_SPREAD * speed.mean():
         return f"moves at one speed, {speed.mean():.3g} {unit}/s; move it at several"
@@ -211,4 +211,4 @@ def _reason(model: Model, preparations: Sequence[Preparation], joint: str, one_s
         whole = limits.position_max - limits.position_min
         if width < NARROW_RANGE_SHARE * whole:
             return f"moves within {width:.3g} {unit} of its {whole:.3g} {unit}; use more of it"
-    return f"moves within {width:.3g} {unit} and up to {speed.max():.3g} {unit}/s, too much alike"
+    return f"moves within {width:.3g} {unit} and up to {speed.max():.3g} {unit}/s, too similar"

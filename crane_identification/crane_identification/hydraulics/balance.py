@@ -206,8 +206,8 @@ def _require_motion(
     if min(out, back) < LEAST_FLOW_TIME_S:
         known = sum(len(part) * part.step for part in found)
         raise DataError(
-            f"{where}: its cylinder extends for {out:.0f} s and retracts for {back:.0f} s where "
-            f"all is known, {LEAST_FLOW_TIME_S:.0f} s each needed; "
+            f"{where}: its cylinder extends for {out:.0f} s and retracts for {back:.0f} s with "
+            f"all signals known, {LEAST_FLOW_TIME_S:.0f} s each needed; "
             + (
                 f"{', '.join(wanted)} are known together for {known:.1f} s of {recorded:.1f} s: "
                 "log them all along"

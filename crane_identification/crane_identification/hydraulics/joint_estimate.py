@@ -54,12 +54,12 @@ DETERMINED_SIGMA_SHARE = 0.25  # of a value: a larger standard deviation does no
 KNOWN_PART = 0.005  # of the stroke, for dead bands and hysteresis, which may be 0
 KNOWN_LEAKAGE = 1e-14  # m3/(s Pa), for a piston that may be tight
 DISCRIMINATED_BY = {
-    "dead_band": "slow ramps of the command through zero, both ways",
+    "dead_band": "slow ramps of the command through zero, in both directions",
     "hysteresis": "slow triangles of the command, to and fro",
-    "lag": "steps of the command both ways",
+    "lag": "steps of the command in both directions",
     "natural_frequency": "a pseudo-random command of +-0.02 on top of the motion for 60 s "
     "(crane_trajectory design --probe 0.02)",
-    "gain": "motion both ways at several speeds",
+    "gain": "motion in both directions at several speeds",
     "bulk_modulus": "more reversals under load, over the whole stroke",
     "dead_volume": "reversals with the piston near the end at which that chamber is smallest",
     "leakage": "a load held for a minute with the valve closed, and motion at several loads",
@@ -248,7 +248,7 @@ def identify_motion(machine: Machine, joint: str, logs: Sequence[Log]) -> JointH
         raise DataError(
             f"hydraulics of '{joint}': its speed does not follow its valve "
             f"({found.unexplained:.0%} unexplained); check sign and log of its command, or record "
-            "slow ramps of it both ways"
+            "slow ramps of it in both directions"
         )
     forth, back = (
         Measured(value=float(gain), std_dev=float(std), unit=GAIN_UNIT)
@@ -518,7 +518,7 @@ def with_ramps(known: HydraulicValues | None, path: Path, machine: Machine) -> H
     if added:
         told.append(f"{', '.join(added)}: ramps of {file.date}, {path}")
     return HydraulicValues(
-        provenance="; ".join(told) or f"{path} tells nothing more",
+        provenance="; ".join(told) or f"{path} adds nothing",
         joints=joints,
         supply=known.supply if known else None,
         unknown=unknown,

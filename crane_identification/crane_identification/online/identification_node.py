@@ -84,7 +84,7 @@ LARGEST_STREAM_GAP = Number(
     "s",
     0.001,
     0.25,
-    "Time without readings after which smoothing starts anew, at most lag/8. At configure",
+    "Time without readings after which smoothing starts again, at most lag/8. At configure",
 )
 TIMEOUT = Number(
     "timeout", 1.0, "s", 0.1, 60.0, "Silence of a topic that is reported as a warning. At configure"
@@ -354,7 +354,7 @@ class Identification(LifecycleNode):
             response.message = "nothing to reset: the node is not configured"
             return response
         self._estimator.reset()
-        response.success, response.message = True, "estimate and counters start anew"
+        response.success, response.message = True, "estimate and counters start again"
         return response
 
     def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

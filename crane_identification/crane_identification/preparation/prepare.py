@@ -216,8 +216,8 @@ def prepare_moving(
     standing = [log.source for log, prepared in zip(logs, found, strict=True) if not prepared]
     if not moving:
         raise NoMotionError(
-            f"{', '.join(standing)}: no joint moves, of model '{model.name}', faster than its "
-            "velocity can be told from standstill; record a motion"
+            f"{', '.join(standing)}: no joint of model '{model.name}' moves fast enough to "
+            "distinguish it from standstill; record a motion"
         )
     return moving, tuple(standing)
 

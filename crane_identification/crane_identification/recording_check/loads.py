@@ -248,7 +248,9 @@ def split_by_load(
         if len(parts) < 2:
             taken.append(log)
             continue
-        said += [f"{log.source}: {words}; taken as recordings apart" for words in _changes(parts)]
+        said += [
+            f"{log.source}: {words}; split into separate recordings" for words in _changes(parts)
+        ]
         ends = [part.begin for part in parts[1:]]
         for number, (begin, end) in enumerate(pairwise([-math.inf, *ends, math.inf]), 1):
             name = f"{log.source}, part {number}"

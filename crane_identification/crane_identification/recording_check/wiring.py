@@ -197,7 +197,7 @@ def _late(delay: Delay) -> Suspicion:
         f"{delay.left:.1%} of them unexplained, without that {delay.left_without:.1%}"
     )
     cause = (
-        "the two are stamped by clocks that run apart"
+        "the two are stamped by clocks that drift apart"
         if delay.drift
         else "pressures and positions are stamped by clocks that differ"
         if delay.common

@@ -35,10 +35,10 @@ _SIGMAS = 5.0  # half the scale of deviations
 MEANING = {
     "dead_band_a": "dead band towards chamber A",
     "dead_band_b": "dead band towards chamber B",
-    "hysteresis": "play between spool and edges",
-    "lag": "lag of loop and spool together",
-    "natural_frequency": "natural frequency of the spool",
-    "damping_ratio": "damping ratio of the spool",
+    "hysteresis": "hysteresis of the valve",
+    "lag": "lag of loop and valve together",
+    "natural_frequency": "natural frequency of the valve",
+    "damping_ratio": "damping ratio of the valve",
     "supply_a": "gain of the edge from supply to A",
     "a_tank": "gain of the edge from A to tank",
     "supply_b": "gain of the edge from supply to B",
@@ -47,8 +47,8 @@ MEANING = {
     "dead_volume_a": "dead volume of A",
     "dead_volume_b": "dead volume of B",
     "leakage": "leakage past the piston",
-    "pressure": "supply pressure where nothing is drawn",
-    "droop": "fall of it with the flow that is drawn",
+    "pressure": "supply pressure without flow",
+    "droop": "drop of the supply pressure with flow",
 }
 
 
@@ -229,7 +229,7 @@ def _rows(
         else:
             printed, note = shown(measured.value, measured.std_dev), ""
         if name in undetermined:
-            note = f"not determined; {undetermined[name]} would tell"
+            note = f"not determined; {undetermined[name]} would determine it"
         unit = "" if measured.unit == "1" else measured.unit
         true = true_values.get(name)
         told = NONE if true is None else with_uncertainty(true, measured.std_dev or 0.0)[0]

@@ -77,7 +77,7 @@ def trusted_bandwidth(bandwidth: np.ndarray, known: np.ndarray) -> float:
     """
     if not known.any():
         raise NoMotionError(
-            "no joint moves faster than its velocity can be told from standstill; record a motion"
+            "no joint moves fast enough to distinguish it from standstill; record a motion"
         )
     return float(bandwidth[known.any(axis=0)].min())
 

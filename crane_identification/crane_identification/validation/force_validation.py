@@ -121,8 +121,8 @@ def elsewhere(
         return ()
     return (
         f"The model does not carry over to the held-out recordings: there it errs {listed(worse)}. "
-        "The machine has changed, its motion is another, or an effect is missing; diagnose "
-        "--fixed, with them as --train, says what has changed.",
+        "The machine changed, the motion differs, or an effect is missing; diagnose --fixed, with "
+        "these recordings as --train, finds the change.",
     )
 
 
@@ -147,7 +147,7 @@ def undetermined(rows: Rows, trained: np.ndarray, preparations: Sequence[Prepara
         return ""
     count, joints = spanned(preparations), len(rows.joints)
     alike = (
-        f" The joints move alike: their motion spans {count} of {joints} dimensions."
+        f" The joints move together: their motion spans {count} of {joints} dimensions."
         if count < joints
         else ""
     )

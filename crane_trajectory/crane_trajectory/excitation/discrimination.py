@@ -326,7 +326,7 @@ def _told(member: OpenMember | None) -> str:
 
 def lines(plan: DiscriminationPlan) -> list[str]:
     """The plan as a table, and what to do if the motion does not suffice."""
-    rows, remedies = [("answers", "told so far", "predicted", "needed")], []
+    rows, remedies = [("answers", "so far", "predicted", "needed")], []
     for pair in plan.separations:
         names = f"{pair.first} | {pair.second or 'nothing'}"
         rows.append((names, _sigma(pair.told), _sigma(pair.predicted), _sigma(pair.needed)))

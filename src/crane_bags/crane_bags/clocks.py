@@ -139,4 +139,4 @@ class TimeBack:
         return time.monotonic() - self._last < NEWS_S
 
     def __str__(self) -> str:
-        return f"time went back by {self.by:.1f} s: began anew"
+        return f"time went back by {self.by:.1f} s: started again"

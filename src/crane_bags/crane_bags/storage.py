@@ -303,7 +303,7 @@ def _explain(path: Path, error: Exception) -> str:
 def remedy(path: Path) -> str:
     """Remedy for a bag whose recorder was killed, or is still at work."""
     folder = path if path.is_dir() else path.with_suffix("")
-    return f"mend it: ros2 run crane_nodes recover {path} --out {folder}_recovered"
+    return f"repair it: ros2 run crane_nodes recover {path} --out {folder}_recovered"
 
 
 def _magic(file: Path) -> bytes:

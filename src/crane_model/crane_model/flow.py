@@ -280,7 +280,7 @@ FLOW_EFFECTS: Mapping[str, FlowEffect] = MappingProxyType(
                 "asymmetric gain of a valve",
                 "flow per command differs between the two directions, at both chambers",
                 ("valve_dead_band", "internal_leakage"),
-                "steps of the command both ways, of several heights",
+                "steps of the command in both directions, of several heights",
             ),
             "asymmetry",
             "1",

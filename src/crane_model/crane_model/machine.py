@@ -367,7 +367,9 @@ def parse_pose(words: Sequence[str], machine: Machine, rest: np.ndarray) -> np.n
         try:
             q[machine.index(joint)] = float(value)
         except ValueError:
-            raise RangeError(f"pose '{word}': '{value}' is no number; write {joint}=0.5") from None
+            raise RangeError(
+                f"pose '{word}': '{value}' is not a number; write {joint}=0.5"
+            ) from None
     return q
 
 

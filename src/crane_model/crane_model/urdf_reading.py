@@ -338,7 +338,7 @@ def _not_expanded(path: Path) -> ConfigurationError:
     plain = path.name.removesuffix(".xacro").removesuffix(".urdf")
     out = path.with_name(f"{plain}.urdf" if path.suffix == ".xacro" else f"{plain}_expanded.urdf")
     return ConfigurationError(
-        f"{path}: xacro that is not expanded, which is no URDF yet; run: xacro {path} > {out}"
+        f"{path}: xacro that is not expanded, which is not a URDF yet; run: xacro {path} > {out}"
     )
 
 

@@ -54,7 +54,7 @@ class DriverWatch:
             cause = f"{names} are drivers in one namespace"
             remedy = "stop all but one, or give each crane a namespace"
         else:
-            cause = f"no driver tells its state on {self._topic}"
+            cause = f"no driver publishes its state on {self._topic}"
             remedy = "start it: ros2 run crane_driver driver"
         return DriverState(
             text="several drivers" if names else "no driver", cause=cause, remedy=remedy

@@ -33,7 +33,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PACKAGES_OF_EVERY_NODE = ("lifecycle_msgs", "rcl_interfaces", "type_description_interfaces")
 
 HELP_WIDTH = 98
-SIMULATED = "  use_sim_time (default: false)\n      Run on simulated time, which /clock tells"
+SIMULATED = "  use_sim_time (default: false)\n      Run on simulated time from /clock"
 
 AUTOSTART = Switch("autostart", True, "Configure and activate the node when it starts")
 """To be declared by every managed node."""

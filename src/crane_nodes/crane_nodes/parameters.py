@@ -194,8 +194,8 @@ NodeParameter = Text | Switch | Number | Numbers
 MACHINE = Text(
     "machine",
     DEFAULT_MACHINE,
-    "Machine that ships with the suite by its name, or the folder or machine file of another; its "
-    "files are those that are not named themselves. At the start",
+    "Name of a shipped machine, machine folder or machine file; its files are the defaults of "
+    "other parameters. At the start",
 )
 """A node reads it first, for other parameters are of the joints of the machine."""
 

@@ -232,7 +232,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--law",
         choices=NAMES,
         default=PD_DEAD_BAND,
-        help="controller, as of the trajectory node (default: %(default)s)",
+        help="controller, as in the trajectory node (default: %(default)s)",
     )
     parser.add_argument(
         "--model",
@@ -267,7 +267,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if (request.periods is None) != (request.trajectory is None):
         parser.error("--trajectory and --periods: give both or none")
     if request.work is not None and request.law != PD_DEAD_BAND:
-        parser.error("--work and --law: an operator leads the machine, no controller")
+        parser.error("--work and --law: an operator controls the machine, not a controller")
 
     def progress(cycles: Iterable[int]) -> Iterable[int]:
         return progress_bar(request.out.name, over=cycles)

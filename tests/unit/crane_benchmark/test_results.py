@@ -184,12 +184,12 @@ def test_simulators_stand_side_by_side_each_with_its_aims(tmp_path, capsys):
     assert independent.command == "make discrepancy-benchmark"
     sets = {"primary": primary, "independent": independent}
     rows = {row.shown[0]: row.shown for row in side_by_side(sets)}
-    alarms = rows["nothing hidden: false alarms"]
+    alarms = rows["nothing injected: false alarms"]
     assert alarms[2].startswith("0\xa0% [0\xa0%,") and alarms[2].endswith("of 8")
     assert alarms[4].endswith("of 8")
     assert rows["all answers: crashed"][2].startswith("0.0\xa0% [0.0\xa0%,")
     assert rows["single, from 2\xa0%, identifiable"][1::2] == ["≥ 97\xa0%", "≥ 92\xa0%"]
-    assert rows["share of the explainable gap closed"][1::2] == ["≥ 90\xa0%", "≥ 85\xa0%"]
+    assert rows["share of the explainable model error removed"][1::2] == ["≥ 90\xa0%", "≥ 85\xa0%"]
     files = [f"{name}={tmp_path / name}.json" for name in ("primary", "independent")]
     assert published.main([*files, "--out", str(tmp_path / "both.json")]) == 0
     assert "independent, 40 cases" in capsys.readouterr().out

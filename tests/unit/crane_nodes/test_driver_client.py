@@ -81,10 +81,14 @@ def test_without_a_driver_it_says_so_and_asks_nobody(graph: Graph) -> None:
     client = DriverClient(graph.node("client"))
     assert client.state.state == DriverState.STATE_UNKNOWN
     assert client.state.text == "no driver"
-    assert client.problem.startswith("no driver tells its state on /left/driver/state; start it")
+    assert client.problem.startswith(
+        "no driver publishes its state on /left/driver/state; start it"
+    )
     assert not client.ready
     for request in (client.enable, client.disable, client.reset_fault, client.stop):
-        with pytest.raises(NoDriverError, match="no driver tells its state on /left/driver/state"):
+        with pytest.raises(
+            NoDriverError, match="no driver publishes its state on /left/driver/state"
+        ):
             request()
 
 
@@ -139,7 +143,7 @@ def test_a_silent_driver_is_gone_but_may_still_be_stopped(
     graph.until(lambda: client.ready)
     monkeypatch.setattr(driver_client, "DRIVER_SILENCE_S", 0.0)
     assert client.state.text == "no driver"
-    assert "no driver tells its state" in client.problem
+    assert "no driver publishes its state" in client.problem
     assert client.newest.state == DriverState.STATE_ENABLED
     futures = [client.disable(), *client.stop()]
     graph.until(lambda: all(future.done() for future in futures))

@@ -32,7 +32,7 @@ def test_time_that_went_back_is_a_warning_while_it_is_news() -> None:
     back.comes("joint_states", 8 * SECOND)
     tell_back(back, status)
     assert status.level == DiagnosticStatus.WARN
-    assert status.message == "time went back by 12.0 s: began anew; good"
+    assert status.message == "time went back by 12.0 s: started again; good"
     assert [one.value for one in status.values] == ["1", "12.000"]
 
 

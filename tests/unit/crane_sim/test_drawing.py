@@ -152,8 +152,8 @@ def test_pose_from_words() -> None:
     ("word", "message"),
     [
         ("boom=1", r"no joint 'boom'; write JOINT=VALUE with a joint of slew, in"),
-        ("slew", "'' is no number; write slew=0.5"),
-        ("slew=fast", "'fast' is no number"),
+        ("slew", "'' is not a number; write slew=0.5"),
+        ("slew=fast", "'fast' is not a number"),
     ],
 )
 def test_wrong_pose_is_explained(word: str, message: str) -> None:

@@ -43,6 +43,14 @@ def test_arrows_join_boxes_and_boxes_do_not_overlap() -> None:
             assert apart_x or abs(a.y - b.y) > a.half[1] + b.half[1], (a, b)
 
 
+def test_heads_of_arrows_are_not_under_boxes() -> None:
+    for page, boxes in zip(pages().values(), (LIVE, OFFLINE, DIAGNOSIS), strict=True):
+        for x, y in re.findall(r'class="head" d="M([\d.]+) ([\d.]+)', page):
+            for box in boxes.values():
+                inside_x = abs(float(x) - box.x) < box.half[0] - 0.5
+                assert not (inside_x and abs(float(y) - box.y) < box.half[1] - 0.5), box
+
+
 def test_the_flow_chart_ends_at_every_verdict() -> None:
     ends = set(DIAGNOSIS) - {arrow.start for arrow in DIAGNOSIS_ARROWS}
     assert sorted(DIAGNOSIS[name].lines[0] for name in ends) == sorted(Verdict)

@@ -45,7 +45,7 @@ OF_SOME_MACHINES = (  # effects of what slews or telescopes, and the signals tha
     *(f"{MODEL}/terms/{name}.py" for name in ("nonparametric", "friction")),
     f"{MODEL}/record.py",
     *(f"{ID}/data/{name}.py" for name in ("recording_log", "column_map", "resample")),
-    *(f"{ID}/diagnosis/{name}.py" for name in ("fit/evidence", "formula", "residuals")),
+    *(f"{ID}/diagnosis/{name}.py" for name in ("evidence", "formula", "residuals")),
     f"{ID}/validation/motion_validation.py",
     f"{ID}/preparation/run.py",
     f"{SIM}/effects/loads.py",

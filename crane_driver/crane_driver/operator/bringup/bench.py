@@ -160,7 +160,7 @@ class BringupTerminal:
             try:
                 value = float(answer)
             except ValueError:
-                self.say(f"  '{answer}' is no number")
+                self.say(f"  '{answer}' is not a number")
                 continue
             if low <= value <= high:
                 return value

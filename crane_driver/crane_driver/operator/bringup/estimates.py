@@ -154,9 +154,9 @@ def find_encoder(
     smallest = SMALLEST_MOVEMENTS * rest.movement
     if abs(moved) < smallest:
         raise DataError(
-            f"{joint}: the encoder was moved by {abs(moved):.3g}, at least {smallest:.3g} tells "
-            f"the direction; move the joint further, faster than {FASTEST_SINKING:g} per second "
-            "(slower, it counts as sinking), and no other one"
+            f"{joint}: the encoder was moved by {abs(moved):.3g}, at least {smallest:.3g} is "
+            f"needed for the direction; move the joint further, faster than {FASTEST_SINKING:g} "
+            "per second (slower, it counts as sinking), and no other one"
         )
     sign: Literal[-1, 1] = 1 if moved > 0 else -1
     scale = None
@@ -164,7 +164,7 @@ def find_encoder(
         if abs(moved_to - known) < smallest:
             raise DataError(
                 f"{joint}: moved from {known:.4g} to {moved_to:.4g}, at least {smallest:.3g} "
-                "tells the scale; move it further, and check the two values"
+                "is needed for the scale; move it further, and check the two values"
             )
         scale = sign * displacement / (moved_to - known)
         if scale <= 0.0:

@@ -53,8 +53,8 @@ The steps, in this order, each with the driver running:
   valves     polarity of each valve
   dead_band  dead band of each valve in both directions
   gains      first gains of the controller (36)
-The last three move the crane, and give up only where a joint has moved by --travel: 0.2 rad are 1 m
-at the tip of a crane that reaches 5 m. Begin with --travel 0.05 --speed 0.02, drawn in.
+The last three move the crane, and give up only when a joint has moved by --travel: 0.2 rad are 1 m
+at the tip of a crane that reaches 5 m. Begin with --travel 0.05 --speed 0.02, the arm retracted.
 Each asks before anything moves, and writes a picture and YAML files into a new folder of --out.
 Questions are answered on the terminal; in a rehearsal on the simulated crane, but never on a real
 one, they may be answered by a file: bringup STEP --out FOLDER < answers.

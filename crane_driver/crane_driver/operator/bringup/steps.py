@@ -71,10 +71,10 @@ def unhurried(bench: Bench, mover: Mover) -> tuple[float, Runs]:
             f"{mover.joint}: answers {late.lag * 1e3:.0f} ms late to a ramp of {rate:.3g}/s, which "
             f"opens its valve for {late.opened:.1f} s"
             if hurried
-            else f"{mover.joint}: a ramp of {rate:.3g}/s tells another valve than a faster one"
+            else f"{mover.joint}: a ramp of {rate:.3g}/s gives another valve than a faster one"
         )
         if rate / 2.0 < bench.protocol.rate / SLOWEST_RATE_RATIO:
-            raise DataError(f"{what}: that tells no dead band; give a smaller --rate")
+            raise DataError(f"{what}: that determines no dead band; give a smaller --rate")
         rate, faster = rate / 2.0, last
         bench.terminal.say(f"  {what}; again with {rate:.3g}/s")
 

@@ -167,7 +167,7 @@ class JogParameters(NamedTuple):
             sign[joint] = Number(
                 f"joy.sign.{joint}",
                 *(1, "1", -1, 1),
-                f"-1 where the axis of {joint} is reversed",
+                f"-1 if the axis of {joint} is reversed",
                 whole=True,
             )
         return cls(dead_band, axis, sign)
@@ -313,7 +313,7 @@ class Jog(Node):
                 return [self._driver.reset_fault()]
             case Request.EMERGENCY_STOP:
                 return self._driver.stop()
-        raise ValueError(f"{request} is no service of the driver")
+        raise ValueError(f"{request} is not a service of the driver")
 
     def _wait(self, stop: Stop, until: float, problem: str) -> None:
         if stop.requested:

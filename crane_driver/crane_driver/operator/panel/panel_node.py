@@ -33,7 +33,7 @@ from crane_nodes.parameters import MACHINE, Number, Text, declare, declare_machi
 ADDRESS = Text(
     "address",
     "127.0.0.1",
-    "Address to listen on; 127.0.0.1: this computer alone, 0.0.0.0: every network it is in, "
+    "Address to listen on; 127.0.0.1: only this computer, 0.0.0.0: every network it is in, "
     "without encryption. At the start",
 )
 PORT = Number(
@@ -42,8 +42,8 @@ PORT = Number(
 NAMES = Text(
     "names",
     "",
-    "Names of this computer, separated by blanks, by which browsers may ask for the page, beside "
-    "localhost and addresses in digits. At the start",
+    "Host names by which browsers may request the page, in addition to localhost and IP addresses, "
+    "separated by blanks. At the start",
 )
 PARAMETERS = (ADDRESS, PORT, NAMES)
 

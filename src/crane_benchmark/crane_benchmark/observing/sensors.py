@@ -198,8 +198,8 @@ def rows_of(
     encoders = [answer.first for answer in told if answer.case.part is Part.ENCODER]
     outside_encoders = [answer.first for answer in told if answer.case.part is not Part.ENCODER]
     rows += [
-        _stopped(f"{name}: encoders that lie, the crane stops", LYING_STOPS, encoders),
-        _stopped(f"{name}: another is at fault, the crane stops", None, outside_encoders),
+        _stopped(f"{name}: faulty encoders, the crane stops", LYING_STOPS, encoders),
+        _stopped(f"{name}: another part is faulty, the crane stops", None, outside_encoders),
     ]
     return rows + [
         _row(name, [answer for answer in answers if answer.case.question == question])

@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from crane_bags.types import JOINT_STATES
 from crane_benchmark.rehearsal.crane_run import EXCITATION, WARM_S, CraneRun
-from crane_benchmark.rehearsal.processes import ProcessError, Processes
+from crane_benchmark.rehearsal.processes import READY_TIMEOUT_S, ProcessError, Processes
 from crane_interfaces.msg import DriverState
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.executor import KeptExecutor
@@ -50,7 +50,7 @@ class Onlooker:
         self.executor = KeptExecutor(context=self._context)
         self.executor.add_node(self.node)
         self.driver = DriverClient(self.node)
-        self.patience = self.clock.patience(ANSWER_TIMEOUT_S)
+        self.patience = READY_TIMEOUT_S if suite.simulated else ANSWER_TIMEOUT_S  # s
 
     def lacking(self, listeners: Collection[str]) -> str:
         """Name the nodes that do not listen to the driver yet, or why it could not be enabled.
@@ -112,7 +112,7 @@ def follow(suite: Processes, domain: int, run: CraneRun, seed: int, say: Say) ->
     Recorded as the bag "follow". `ProcessError` as `experiment`.
     """
     with Onlooker(suite, domain) as onlooker:
-        say(f"the motion of the fit again, controlled by the fitted model: {run.controller}")
+        say(f"the first motion, controlled by the fitted model ({run.controller})")
         led = ("-p", f"law:={run.controller}", "-p", f"model:={run.fitted}")
         start(suite, run, seed, *led, listeners=LEADING)
         experiment(suite, onlooker, run, "follow", EXCITATION, FOLLOW_PERIODS, LEADING)

@@ -134,7 +134,7 @@ def write_agreement(folder: Path, agreement: BootstrapAgreement) -> None:
 
 
 def _power(rows: Sequence[CaseRow]) -> Figure:
-    """Right name and joint over the relative magnitude, ours and others, and the learner's."""
+    """Correct effect and joint over the relative magnitude, ours and others, and the learner's."""
     figure = Figure(figsize=(7.2, 4.4), layout="constrained")
     axes = figure.add_subplot()
     methods = list(dict.fromkeys(name for row in rows for name in row.outcomes))
@@ -179,9 +179,9 @@ def _power(rows: Sequence[CaseRow]) -> Figure:
 
 
 def _threshold(rows: Sequence[CaseRow]) -> Figure | None:
-    """How far the best score is above what noise gives, with nothing hidden and with something."""
+    """How far the best score is above what noise gives, without and with an injected effect."""
     groups = (
-        ("nothing hidden", of_kind(rows, CaseKind.NOTHING)),
+        ("nothing injected", of_kind(rows, CaseKind.NOTHING)),
         ("single effects", [row for row in of_kind(rows, CaseKind.SINGLE) if identifiable(row)]),
         ("outside the catalogue", of_kind(rows, CaseKind.OUTSIDE)),
     )

@@ -40,14 +40,14 @@ class TableLine(NamedTuple):
 
 
 MEDIANS = {
-    "gap_closed": TableLine("share of the explainable gap closed", "≥ 90 %", "≥ 85 %"),
+    "gap_closed": TableLine("share of the explainable model error removed", "≥ 90 %", "≥ 85 %"),
     "gap_closed_by_learner": TableLine("the same by the flexible learner, all cases"),
     "parameter_error": TableLine("relative error of comparable parameters", shown="{:.1%}"),
     "seconds": TableLine("CPU time of a diagnosis", "≤ 10 s", "≤ 10 s", "{:.0f} s"),
 }
 """Keys of medians in a summary."""
 TARGETS = {
-    "false_alarms": TableLine("nothing hidden: false alarms", "≤ 5 %", "≤ 5 %"),
+    "false_alarms": TableLine("nothing injected: false alarms", "≤ 5 %", "≤ 5 %"),
     "false_reassurance": TableLine(
         "all answers: none, though the error is above noise", "0", "0", OF_ALL
     ),
@@ -65,7 +65,7 @@ TARGETS = {
     "ambiguous": TableLine("indistinguishable effects: ambiguous"),
     "too_little_data": TableLine("too little data: said so"),
     "wrong_names": TableLine("all answers: wrong names", "≤ 1 %", "≤ 2 %", OF_ALL),
-    "too_wide": TableLine("all answers: class too wide", shown=OF_ALL),
+    "too_wide": TableLine("all answers: ambiguity group too wide", shown=OF_ALL),
     "crashes": TableLine("all answers: crashed", "0 %", "0 %", OF_ALL),
 }
 """Keys of the summary of a method."""
@@ -78,7 +78,7 @@ def tables(summary: BenchmarkSummary, simulator: Simulator = Simulator.PRIMARY) 
         f"{simulator.value}, {summary.cases} cases: share [95 % interval] of answers"
     )
     power = plain_table(
-        "Right name and joint of single, identifiable effects, by relative magnitude"
+        "Correct effect and joint of single, identifiable effects, by relative magnitude"
     )
     first.add_column("", no_wrap=True)
     first.add_column("aim", justify="right")
@@ -92,7 +92,7 @@ def tables(summary: BenchmarkSummary, simulator: Simulator = Simulator.PRIMARY) 
             line.aim(simulator),
             *(_rate(getattr(method, key), line.shown) for method in methods.values()),
         )
-    power.add_column("flexible learner:\nsure of some law", justify="right")
+    power.add_column("flexible learner:\ncertain of some form", justify="right")
     for magnitude in methods[OURS].power:
         curves = [*(method.power for method in methods.values()), summary.learner.power]
         power.add_row(
@@ -112,7 +112,7 @@ def tables(summary: BenchmarkSummary, simulator: Simulator = Simulator.PRIMARY) 
 def _stories(stories: dict[str, dict[str, int]]) -> list[Table]:
     if not stories:
         return []
-    table = plain_table("What strangers found: outcomes of diagnose")
+    table = plain_table("Outcomes of diagnose on blind cases")
     for heading in ("story", "cases", "outcomes"):
         table.add_column(heading)
     for story, outcomes in stories.items():
@@ -122,12 +122,12 @@ def _stories(stories: dict[str, dict[str, int]]) -> list[Table]:
 
 
 def notes() -> list[str]:
-    """Notes on answers that count as right beyond the tables' words."""
+    """Return notes on further answers that count as correct."""
     several = "; ".join(" = ".join(laws_) for laws_ in laws().values())
     return [
-        f"Laws of one effect, any of which is right: {several}.",
-        "A class is right if each of its members explains the hidden force as well as its own law;",
-        "where the data are too few, it is right if it holds the hidden effect.",
+        f"Forms of one effect, any of which is correct: {several}.",
+        "An ambiguity group is correct if each member explains the injected force as well as its",
+        "own form; if the data are too few, it is correct if it contains the injected effect.",
     ]
 
 

@@ -150,7 +150,7 @@ def _campaign(trajectories: Sequence[FourierTrajectory]) -> MeasuredRow:
     counts = [*(n for n in SHOWN if n < len(trajectories)), len(trajectories)]
     return MeasuredRow(
         cells=[
-            "campaign at the report's setting: worst predicted σ after "
+            "campaign at the paper's setting: worst predicted σ after "
             f"{', '.join(map(str, counts))} trajectories",
             "",
             ", ".join(f"{{after_{n}:.2%}}" for n in counts),

@@ -182,7 +182,7 @@ def identified(model: Model) -> tuple[Machine, HydraulicValues]:
 def _parts(model: Model, known: HydraulicValues, joint: str) -> tuple[ValveValues, ChamberValues]:
     values = known.joints.get(joint)
     if values is None or values.chambers is None:
-        why = known.unknown.get(joint, "recordings with its chamber pressures would tell")
+        why = known.unknown.get(joint, "recordings with its chamber pressures would determine it")
         raise ConfigurationError(
             f"model '{model.name}': the hydraulics of {joint} are not identified: {why}"
         )

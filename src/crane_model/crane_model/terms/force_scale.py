@@ -71,7 +71,7 @@ class PressureGain(ForceScale):
         "gain of the pressure transducers",
         "scales the whole force of a joint; if it is the same for all joints, it scales all masses",
         ("payload", "chamber_gain", "chamber_a_gain", "linkage_scale"),
-        "both transducers beside a reference at several pressures; if they are right, a survey of "
+        "both transducers against a reference at several pressures; if they are right, a survey of "
         "the linkages of the other joints, which may all be smaller or larger than in their file",
         follows=("force",),
         formless=True,
@@ -100,7 +100,7 @@ class LinkageScale(ForceScale):
         "linkage of another size than in its file",
         "scales the whole force of a joint, whatever it comes from",
         ("pressure_gain", "chamber_gain", "chamber_a_gain"),
-        "a survey of the pins of the linkage, and both transducers beside a reference",
+        "a survey of the pins of the linkage, and both transducers against a reference",
         follows=("force",),
         formless=True,
         usual=USUAL_SCALE_ERROR,

@@ -33,7 +33,7 @@ class Coulomb(ProportionalTerm):
         "Coulomb friction",
         "a step between the two directions of motion, the same at all speeds",
         ("stribeck", "presliding", "load_friction", "weight_friction", "chamber_gain"),
-        "slow sweeps at constant speed both ways",
+        "slow sweeps at constant speed in both directions",
         follows=("velocity",),
     )
     quantity = MotionQuantity.DIRECTION
@@ -66,7 +66,7 @@ class Viscous(ProportionalTerm):
         "viscous friction",
         "grows in proportion to the speed",
         ("viscous_quadratic", "time_skew", "temperature_viscosity", "warm_up"),
-        "sweeps at several constant speeds both ways",
+        "sweeps at several constant speeds in both directions",
         follows=("velocity",),
     )
     quantity = MotionQuantity.VELOCITY
@@ -84,7 +84,7 @@ class ViscousAsymmetry(ProportionalTerm):
         "asymmetry of viscous friction",
         "grows with the speed, with the same sign in both directions",
         ("coulomb_asymmetry", "temperature_viscosity", "warm_up"),
-        "sweeps at several constant speeds both ways",
+        "sweeps at several constant speeds in both directions",
         ("coulomb_asymmetry",),
         follows=("velocity",),
     )
@@ -108,7 +108,7 @@ class PositionFriction(JointTerm):
             *("load_friction", "weight_friction", "seal_friction", "pad_friction"),
             *("cyclic_friction", "end_cushioning"),
         ),
-        "slow sweeps both ways over the whole range, with and without a known weight",
+        "slow sweeps in both directions over the whole range, with and without a known weight",
         follows=("position",),
     )
     symbol = Parameter("f_p", "{force}/{coordinate}", None, "change of Coulomb friction with q")
@@ -126,7 +126,7 @@ class CyclicFriction(OneJointTerm):
         "Coulomb friction in waves",
         "friction in both directions waxes and wanes with the position",
         ("position_friction",),
-        "slow sweeps both ways over the whole range",
+        "slow sweeps in both directions over the whole range",
         law_of="position_friction",
         follows=("position",),
     )
@@ -168,7 +168,7 @@ class Stribeck(JointTerm):
         "Stribeck friction",
         "more friction near zero speed than above, in both directions",
         ("coulomb", "stiction", "presliding", "maxwell_slip", "viscous_quadratic"),
-        "sweeps at several low constant speeds both ways",
+        "sweeps at several low constant speeds in both directions",
         follows=("velocity",),
     )
     shapes = {
@@ -194,7 +194,7 @@ class QuadraticViscous(JointTerm):
         "quadratic viscous loss",
         "grows faster than the speed",
         ("stribeck", "viscous"),
-        "sweeps at several constant speeds both ways, up to the fastest",
+        "sweeps at several constant speeds in both directions, up to the fastest",
         follows=("velocity",),
     )
     symbol = Parameter("f_q", "{force} s2/{coordinate}2", 0.0, "loss with the speed squared")

@@ -186,7 +186,7 @@ class NonparametricSpeedFriction(NonparametricDryFriction):
     """
 
     type: Literal["nonparametric_speed_friction"] = "nonparametric_speed_friction"
-    said = "friction that follows the speed, alike in both directions"
+    said = "friction that follows the speed, the same in both directions"
     draws = ("stribeck", "viscous_quadratic")
     variable = "velocity"
     spacing = (*(0.0, 0.02, 0.04, 0.07, 0.12, 0.2), *(0.32, 0.47, 0.63, 0.81, 1.0))
@@ -206,7 +206,7 @@ class NonparametricPositionFriction(NonparametricDryFriction):
     """f(q) sgn(q') beside Coulomb friction: 0 at the lower end."""
 
     type: Literal["nonparametric_position_friction"] = "nonparametric_position_friction"
-    said = "friction that follows the position, alike in both directions"
+    said = "friction that follows the position, the same in both directions"
     draws = ("position_friction", "cyclic_friction")
     variable = "position"
     spacing = tuple(k / 8 for k in range(9))
@@ -255,7 +255,7 @@ class NonparametricLoadFriction(NonparametricDryFriction):
     """
 
     type: Literal["nonparametric_load_friction"] = "nonparametric_load_friction"
-    said = "friction that follows the load, alike in both directions"
+    said = "friction that follows the load, the same in both directions"
     draws = ("load_friction", "weight_friction")
     holds = ("pressure_gain", "linkage_scale")  # a line: tau itself
     variable = "force against the motion"

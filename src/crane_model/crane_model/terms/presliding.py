@@ -30,7 +30,7 @@ class Presliding(JointMemoryTerm):
         ("coulomb", "stribeck", "maxwell_slip", "backlash", "time_skew"),
         "small slow strokes about one position, to and fro",
         kin=("maxwell_slip",),
-        follows=("way since it turned",),
+        follows=("displacement since the reversal",),
     )
     shapes = {
         "travel": Shape(3e-4, 3e-2, "rad or m", 9, "displacement over which friction builds up")
@@ -97,7 +97,7 @@ class Stiction(JointMemoryTerm):
         "a peak of friction when a joint starts after it stood, and at no other time",
         ("stribeck",),
         "starts from rest after dwells of different lengths",
-        follows=("way since it turned",),
+        follows=("displacement since the reversal",),
     )
     shapes = {
         "travel": Shape(3e-4, 3e-2, "rad or m", 7, "displacement over which it gives way"),
@@ -176,7 +176,7 @@ class MaxwellSlip(MemoryTerm, OneJointTerm):
         ("stribeck", "presliding", "backlash"),
         "small slow strokes of several lengths about one position",
         kin=("presliding",),
-        follows=("way since it turned",),
+        follows=("displacement since the reversal",),
     )
     shapes = {
         "travel": Shape(1e-3, 5e-2, "rad or m", 7, "displacement at which the last element slips")

@@ -164,7 +164,7 @@ class ChamberAGain(ForceScale):
             "pressure_offset",
             "encoder_offset",
         ),
-        "both transducers beside a reference, at several pressures",
+        "both transducers against a reference, at several pressures",
         law_of="chamber_gain",
         follows=("pressure of chamber B", "force"),
         usual=USUAL_SCALE_ERROR,
@@ -302,7 +302,7 @@ class ChamberGainDrift(ForceScale):
         "drifting gain of a pressure transducer",
         "force in proportion to the pressure of chamber A and to the time since the start",
         ("chamber_a_gain", "chamber_gain", "pressure_drift"),
-        "both transducers beside a reference, of a cold and of a warm machine",
+        "both transducers against a reference, of a cold and of a warm machine",
         law_of="chamber_gain",
         follows=("time", "pressure of chamber B", "force"),
     )

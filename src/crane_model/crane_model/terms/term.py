@@ -34,7 +34,7 @@ Variable = Literal[
     "position",
     "velocity",
     "acceleration",
-    "way since it turned",
+    "displacement since the reversal",
     "force",
     "force against the motion",
     "rate of the force",

@@ -65,7 +65,7 @@ class Salvage:
                     return
                 yield from self._read(kind, content)
             self.position, rest = stream.tell(), stream.read()
-            cut = f"; its last {len(rest)} bytes are no whole record" if rest else ""
+            cut = f"; its last {len(rest)} bytes are not a whole record" if rest else ""
             self.notes.append(f"{self.path.name} was not closed{cut}")
             yield from self._cut_chunk(rest)
 
@@ -193,7 +193,7 @@ def _definition(source: Connection) -> Definition:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write what can be read of a damaged bag as a new one."""
-    parser = command_line(description="Makes a readable copy of a bag that was not closed.")
+    parser = command_line(description="Make a readable copy of a bag that was not closed.")
     parser.add_argument("bag", type=Path, metavar="BAG", help="bag: a folder, or one of its files")
     parser.add_argument(
         "--out", type=Path, required=True, metavar="NEW", help="new folder of the bag"

@@ -125,14 +125,14 @@ class Silence:
             self._there = None
             self._end(now)
             return
-        if self._there is None:
+        if self._there is None or now < self._there:
             self._there = now
         begin = self._there if self._first is None else max(self._there, self._last)
         if self.since is None and now - begin > self._longest():
             self.since = begin
 
     def spans(self, now: float) -> list[Span]:
-        return self.over + ([] if self.since is None else [Span(self.since, now)])
+        return self.over + self._present(now)
 
     def _longest(self) -> float:
         if self._rhythm is Rhythm.CONTINUOUS:
@@ -144,6 +144,11 @@ class Silence:
         return float("inf")
 
     def _end(self, now: float) -> None:
-        if self.since is not None:
-            self.over.append(Span(self.since, now))
+        self.over += self._present(now)
         self.since = None
+
+    def _present(self, now: float) -> list[Span]:
+        """The silence until `now`; none if the time went back, as when simulated time begins."""
+        if self.since is None or now < self.since:
+            return []
+        return [Span(self.since, now)]

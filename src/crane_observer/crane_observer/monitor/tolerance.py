@@ -375,7 +375,7 @@ def level(largest: Array, windows: float) -> float:
     excess over it. `ValueError` if no level exists.
     """
     if not len(largest):
-        raise ValueError("level: no window to tell it from; at least one is wanted")
+        raise ValueError("level: no window to determine it from; at least one is needed")
     high = min(max(round(HIGH_SHARE * len(largest)), FEWEST_HIGH), len(largest))
     ordered = np.sort(largest)
     above = ordered[-high:]

@@ -62,8 +62,8 @@ WITHOUT = Text(
 )
 POSITION = Numbers(
     "start", (), "rad or m", -100.0, 100.0,
-    "Where the joints of the model are, in its order; empty: by the encoders, and unknown of "
-    "joints without. At configure",
+    "Start positions of the joints, in the order of the model; empty: from the encoders, and "
+    "unknown for joints without. At configure",
 )  # fmt: skip
 DEVIATION = Number(
     "start_deviation", START_DEVIATION, "rad or m", 1e-5, 1.0,
@@ -71,7 +71,7 @@ DEVIATION = Number(
 )  # fmt: skip
 HEAVIEST_LOAD = Number(
     "heaviest_load", HEAVIEST, "kg", 1.0, 1e5,
-    "What may hang at the tip; where forces ask for more, nothing is to be believed. At configure",
+    "Largest plausible load at the tip; above it the estimate is not valid. At configure",
 )  # fmt: skip
 PARAMETERS: tuple[NodeParameter, ...] = (
     AUTOSTART, MACHINE, MODEL, WITHOUT, POSITION, DEVIATION, HEAVIEST_LOAD,

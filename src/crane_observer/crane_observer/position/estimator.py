@@ -45,7 +45,7 @@ class EstimatorCondition(Enum):
     SUPPLY_LOST = "supply is not measured any more: its last value counts"
     ENCODER_LOST = "an encoder is lost: its joint goes on by flow and force"
     VALVES_UNKNOWN = (
-        "a joint without encoder has a valve that is not identified: its weight alone tells"
+        "a joint without encoder has a valve that is not identified: only its weight is used"
     )
     UNSERVED = (
         "several joints without encoder have valves that are not identified: do not believe them"

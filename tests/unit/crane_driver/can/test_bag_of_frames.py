@@ -104,7 +104,7 @@ def test_a_topic_is_a_channel(
     assert f"channels {topics[0]} and {topics[1]}; say which one" in capsys.readouterr().err
     assert main([*arguments, "--channel", topics[1]]) == 0
     assert pl.read_csv(out)["value"].to_list() == [1.0, 3.0, 5.0]
-    assert "beside them 3 frames of other channels" in capsys.readouterr().out
+    assert "also 3 frames of other channels" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("storage", list(StoragePlugin))

@@ -135,7 +135,7 @@ def test_the_counter_takes_the_values_that_its_bits_hold(
             ["key 'positions.inner_boom.fault': message Sensors", "has no signal Error"],
         ),
         ({"constants": {}}, ["what shall be sent as Valve.Key?"]),
-        ({"constants__Valve.Key": 300}, ["300 is no raw value of Valve.Key: 0 to 255"]),
+        ({"constants__Valve.Key": 300}, ["300 is not a raw value of Valve.Key: 0 to 255"]),
         (
             {"states__sensors__healthy": ["Running"]},
             ["key 'states.sensors.healthy': signal Sensors.Mode has no value Running", "Off, Run"],

@@ -234,7 +234,7 @@ def test_a_state_that_is_no_direction_is_a_fault_and_no_command(layout: Layout) 
     command, (fault,) = HeardCommands(layout).observe(floating)
     assert command is not None
     assert math.isnan(command.commands["bucket"])
-    assert "State of bucket is 3, which is no direction" in str(fault)
+    assert "State of bucket is 3, which is not a direction" in str(fault)
 
 
 CYCLES, CYCLE = 60, 0.02  # s: 50 Hz

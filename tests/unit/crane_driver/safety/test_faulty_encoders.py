@@ -57,7 +57,7 @@ def test_what_was_found_before_the_driver_began_is_told_and_not_heeded() -> None
     bench.it.encoders_found_faulty(FOUND, before=True)
     assert state_of(bench) is SafetyState.ENABLED
     (news,) = [one for one in bench.it.log if "inner_boom" in one.text]
-    assert "before this driver began" in news.text
+    assert "before this driver started" in news.text
     bench.it.encoders_found_faulty(FOUND | {"telescope": "its encoder: stuck"}, before=False)
     assert state_of(bench) is SafetyState.FAULT
     assert bench.it.faults.first is not None

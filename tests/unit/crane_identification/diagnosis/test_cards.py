@@ -32,8 +32,8 @@ def test_folds_of_training_recordings_are_called_that() -> None:
     gains = np.array([1.0, 2.0, np.nan])
     picture = folds(1, BAGS[:3], gains, set(BAGS))
     assert "each training recording, left out of the fit in turn" in picture.caption
-    assert "Not asked: 3" in picture.caption
-    assert picture.words == "Gains: 1.00, 2.00, not asked."
+    assert "Not tested: 3" in picture.caption
+    assert picture.words == "Gains: 1.00, 2.00, not tested."
     axis = picture.description["layout"]["xaxis"]["title"]["text"]
     assert axis == "training recording left out of the fit"
     blocks = folds(1, ("block 1 of 3", "block 2 of 3", "block 3 of 3"), gains, set(BAGS))
@@ -45,7 +45,7 @@ def test_folds_of_training_recordings_are_called_that() -> None:
     [
         ("position of telescope", "m"),
         ("velocity of outer_boom", "rad/s"),
-        ("way of outer_boom since it turned", "rad"),
+        ("displacement of outer_boom since the reversal", "rad"),
         ("force of telescope", "N"),
         ("pressure sum of outer_boom", "Pa"),
         ("valve command of outer_boom", "1"),

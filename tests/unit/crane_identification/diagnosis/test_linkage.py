@@ -106,7 +106,7 @@ def test_what_a_survey_leaves_is_usual() -> None:
     made = built({"inner_boom": 1.002, "outer_boom": 0.998})
     why = {(one.type, one.where): said for one, said in made.untestable.items()}
     for joint in ("inner_boom", "outer_boom"):
-        assert "no more than what is usual, 0.5%" in why["linkage_scale", joint]
+        assert "does not exceed the usual 0.5%" in why["linkage_scale", joint]
     assert not named(made)
 
 

@@ -55,4 +55,4 @@ def test_an_effect_that_widens_the_gap_is_said_to() -> None:
     assert said.startswith("with it, the held-out error of outer_boom rises from 1.13% to 1.24%")
     none = told(objection(effect(), gap(0.0005, 0.0006)))
     assert none == "with it, the held-out error of outer_boom rises from 0.05% to 0.06%"
-    assert "it closes 3" in told(objection(effect(), gap(0.0113, 0.0094)))
+    assert "it removes 3" in told(objection(effect(), gap(0.0113, 0.0094)))

@@ -196,7 +196,7 @@ def test_a_name_that_closes_the_gap_is_named() -> None:
 
 def test_a_name_that_closes_no_gap_is_unknown() -> None:
     found = answer(short=(Short(effect(), Rejection(Reason.CLOSED, 0.39, 0.8)),))
-    assert found.verdict is Verdict.UNKNOWN and "it closes 39% of what" in found.objection
+    assert found.verdict is Verdict.UNKNOWN and "it removes 39% of" in found.objection
 
 
 def test_a_further_name_that_closes_no_gap_is_something_more() -> None:
@@ -206,7 +206,7 @@ def test_a_further_name_that_closes_no_gap_is_something_more() -> None:
         short=(Short(effect("hose_stiffness"), Rejection(Reason.CLOSED, 0.39, 0.8)),),
     )
     assert found.verdict is Verdict.AND_MORE
-    assert "hose stiffness (outer_boom) would go with them, but it closes 39%" in found.reason
+    assert "hose stiffness (outer_boom) would go with them, but it removes 39%" in found.reason
 
 
 @pytest.mark.parametrize(
@@ -226,7 +226,7 @@ def test_a_class_stays_one_where_something_more_is_missing() -> None:
     after = trial(effect("load_friction", ("seal_friction",)), energy=500.0)
     assert answer(after=after, seen=gap(0.0113, 0.0006)).verdict is Verdict.AMBIGUOUS
     found = answer(after=after, seen=gap(0.0113, 0.004))
-    assert found.verdict is Verdict.AND_MORE and "cannot tell apart" in found.reason
+    assert found.verdict is Verdict.AND_MORE and "do not discriminate" in found.reason
 
 
 def test_what_is_zero_within_its_deviation_is_no_name() -> None:

@@ -110,14 +110,15 @@ def test_the_proof_comes_before_what_was_found() -> None:
     )
     assert lines[2].startswith("Held-out error of the force, before → after")
     assert (
-        lines[4] == "  outer boom: 1.13 % → 0.05 % (0.05 %, 0.12 %), 100 % of what could be closed"
+        lines[4]
+        == "  outer boom: 1.13 % → 0.05 % (0.05 %, 0.12 %), 100 % of the explainable error removed"
     )
     assert lines[5].startswith("1. load-dependent joint friction (outer boom)")
 
 
 def test_strength_and_what_of_it_shows_have_names_of_their_own() -> None:
     said = text(content("named", finding()))
-    assert "rms 4.0 % of that of the drive force; 0.71 % show beside the model" in said
+    assert "rms 4.0 % of the drive force; 0.71 % visible" in said
 
 
 def test_a_class_is_named_by_all_of_its_members() -> None:
@@ -137,7 +138,7 @@ def test_a_lead_that_was_not_asked_for_is_not_printed_as_one() -> None:
     assert words.evidence(finding(margin=50.0)).endswith("which is the same with more freedom")
     rival = finding()["runner_up"]
     member = finding(margin=0.0, ambiguity_group=[rival])
-    assert words.evidence(member).endswith("0 ahead of hose stiffness (outer boom), 76 asked")
+    assert words.evidence(member).endswith("0 ahead of hose stiffness (outer boom), 76 required")
 
 
 @pytest.mark.parametrize("verdict", ["none", "insufficient_data"])
@@ -184,7 +185,7 @@ NEAREST = {
         "inner_boom": {"before": 0.0004, "after": 0.0004},
         "outer_boom": {"before": 0.0113, "after": 0.009},
     },
-    "objection": "it closes 39% of the gap on outer_boom",
+    "objection": "it removes 39% of the error on outer_boom",
 }
 
 
@@ -192,7 +193,7 @@ def test_unknown_says_what_is_nearest_and_why_that_does_not_do() -> None:
     said = text(content("unknown", nearest=NEAREST))
     assert "backlash (outer boom): score 13224, threshold 54" in said
     assert "explains 43 %" in said and "of the outer boom 1.13 % → 0.90 %" in said
-    assert "not named, because it closes 39 % of the gap on outer boom" in said
+    assert "not named, because it removes 39 % of the error on outer boom" in said
 
 
 def test_what_is_left_beside_names_is_said() -> None:
@@ -214,8 +215,8 @@ def test_nothing_is_left_out_without_a_word() -> None:
     said = text(content("named", *nine, not_testable=[hidden, hidden], flow=flow))
     assert "9. load-dependent" in said
     assert (
-        "Not printed: errors of the simulated motion, effects that hide behind the parameters of "
-        "the model (2), joints with a balance of the flow (1); see report.html" in said
+        "Not printed: errors of the simulated motion, effects that the parameters of the model "
+        "absorb (2), joints with a balance of the flow (1); see report.html" in said
     )
 
 

@@ -144,7 +144,7 @@ def spoilt() -> list:
     cases["slow clock"] = (
         lambda x: timed(unreceived(x), CHAMBERS, lambda t: 1.01 * t),
         "inner boom, outer boom, telescope",
-        "clocks that run apart",
+        "clocks that drift apart",
     )
     cases["slow clock, recorder"] = (
         lambda x: timed(x, CHAMBERS, lambda t: 1.01 * t),

@@ -200,7 +200,7 @@ def test_sqlite_bag_without_metadata(
 ) -> None:
     path = write_bag([(1, joint_state(1, ["slew"], [7.0]))], StoragePlugin.SQLITE3)
     (path / "metadata.yaml").unlink()
-    with pytest.raises(DataError, match=f"no metadata.yaml; mend it: .* recover {path} --out"):
+    with pytest.raises(DataError, match=f"no metadata.yaml; repair it: .* recover {path} --out"):
         read_topics(path, [JOINT_STATES])
     recover(path, tmp_path / "mended")
     assert positions(tmp_path / "mended") == [7.0]

@@ -39,6 +39,17 @@ def test_a_continuous_topic_that_never_comes_is_silent_from_its_publisher_on() -
     assert listened(Rhythm.CONTINUOUS, [], 57.0) == [Span(0.0, 57.0)]
 
 
+def test_a_silence_before_simulated_time_begins_is_not_negative() -> None:
+    topic = Silence(Rhythm.CONTINUOUS)
+    topic.look(1, 0.0)
+    topic.look(1, 100.0)
+    topic.look(1, 200.0)
+    topic.arrived(0.1)  # the clock begins
+    topic.look(1, 0.2)
+    assert topic.since is None
+    assert all(span.seconds >= 0.0 for span in topic.spans(0.3))
+
+
 def test_a_silence_ends_where_the_publisher_goes() -> None:
     assert listened(Rhythm.CONTINUOUS, [], 60.0, gone=20.0) == [Span(0.0, 20.0)]
     assert listened(Rhythm.CONTINUOUS, [], 60.0, gone=SHORTEST_SILENCE_S) == []

@@ -47,5 +47,5 @@ def test_units_do_not_matter_and_longer_is_higher(
 
 
 def test_nothing_is_told_from_nothing() -> None:
-    with pytest.raises(ValueError, match="at least one is wanted"):
+    with pytest.raises(ValueError, match="at least one is needed"):
         level(np.zeros(0), ONCE_IN)
