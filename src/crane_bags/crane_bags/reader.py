@@ -151,16 +151,19 @@ def read_topics(
 
 def contradiction(reader: StoredBag, *topics: str) -> tuple[str, ...]:
     """Notes where metadata.yaml does not fit the files: what it states of topics, and of files."""
-    notes = []
-    for topic in topics:
-        if count := reader.contradictions.get(topic):
-            notes.append(
-                f"{topic}: metadata.yaml states {count.stated} messages, the files hold "
-                f"{count.held}; all of them are used"
-                if count.held > count.stated
-                else f"{topic}: metadata.yaml states {count.stated} messages, the files are whole "
-                f"and hold {count.held}; if more were recorded, copy the bag again"
-            )
+    counts = {
+        topic: reader.contradictions[topic] for topic in topics if topic in reader.contradictions
+    }
+    notes = [
+        f"{topic}: metadata.yaml states {count.stated} messages, "
+        + (
+            f"the files hold {count.held}; all of them are used"
+            if count.held > count.stated
+            else f"the files are whole and hold {count.held}; if more were recorded, copy the bag "
+            "again"
+        )
+        for topic, count in counts.items()
+    ]
     if reader.unlisted:
         notes.append(
             f"{', '.join(reader.unlisted)}: not read, for metadata.yaml does not list it; "
