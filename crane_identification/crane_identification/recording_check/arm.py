@@ -1,6 +1,6 @@
 """Checks of signs, zeros and units by the forces of any machine, with or without its model."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -33,6 +33,9 @@ from crane_model.record import Record
 
 TURNS = {"+90°": np.pi / 2, "-90°": -np.pi / 2, "180°": np.pi}  # that a zero may be off
 FACTOR_ROUNDS = 1000  # of finding factors and parameters in turn
+UNDONE = ("count", "turn", "sign")
+SAME_LEFT = 1.1  # times as much may be left by the likelier mistake
+LEAST_STEP = 0.9  # of what was left, at most, if one more mistake is undone
 SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
 
 
@@ -169,8 +172,63 @@ class _Basis(NamedTuple):
         return float(np.linalg.norm(force - self.predicted(force)) / np.linalg.norm(force))
 
 
+class _Mistake(NamedTuple):
+    """What may be wrong with a joint: its force is `sign` times the one that the model expects, its
+    position `count` times that of the machine file, from a zero that is off by `turn` [rad].
+    """
+
+    what: str
+    sign: float = 1.0
+    count: float = 1.0
+    turn: float = 0.0
+
+
+RIGHT = _Mistake("")
+MISTAKES = (
+    _Mistake("the sign of its force is turned", sign=-1.0),
+    *(
+        _Mistake(f"its zero is off by {name} from that of the machine file", turn=angle)
+        for name, angle in TURNS.items()
+    ),
+    _Mistake("its position counts the other way than in the machine file", count=-1.0),
+    _Mistake("it counts the other way than in the machine file", sign=-1.0, count=-1.0),
+)
+
+
+def _left(fit: _Fit, of: Sequence[_Mistake]) -> float:
+    """Share (rms) of the force that is left if each joint's mistake is undone."""
+    record = fit.moved.record
+    count, turn, sign = (np.array([getattr(one, name) for one in of]) for name in UNDONE)
+    undone = replace(
+        record,
+        position=count * record.position + turn,
+        velocity=count * record.velocity,
+        acceleration=count * record.acceleration,
+    )
+    return fit.basis(undone).left(sign[fit.joint] * fit.force)
+
+
+def _mistakes(fit: _Fit, left: float) -> tuple[list[_Mistake], float]:
+    """The mistakes of all joints that explain the forces best, one after another; what is left."""
+    joints = fit.model.joints
+    found = [RIGHT] * len(joints)
+    all_turned = [MISTAKES[0]] * len(joints)
+    while True:
+        tried = [
+            [*found[:j], mistake, *found[j + 1 :]]
+            for mistake in MISTAKES
+            for j, joint in enumerate(joints)
+            if found[j] is RIGHT and (not mistake.turn or fit.model.setting.units[joint] == "rad")
+        ]
+        lefts = [_left(fit, each) for each in (*tried, all_turned)]
+        first = next(k for k, each in enumerate(lefts) if each <= SAME_LEFT * min(lefts))
+        if lefts[first] > LEAST_STEP * left:
+            return found, left
+        found, left = [*tried, all_turned][first], lefts[first]
+
+
 def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
-    """Find forces that the user's model cannot explain, and one mistake that would explain them."""
+    """Find forces that the user's model cannot explain, and mistakes that would explain them."""
     fit = _Fit(model, moved)
     if not fit.force.any():
         return
@@ -179,20 +237,13 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
     if left < POOR:
         return
     factors, by_factors = fit.factors(basis)
-    tried: list[tuple[float, str, str]] = []
-    for j, joint in enumerate(model.joints):
-        turned = np.where(fit.joint == j, -1.0, 1.0) * fit.force
-        tried.append((basis.left(turned), joint, "the sign of its force is turned"))
-        for name, angle in TURNS.items() if model.setting.units[joint] == "rad" else ():
-            position = moved.record.position.copy()
-            position[:, j] += angle
-            off = fit.basis(replace(moved.record, position=position))
-            what = f"its zero is off by {name} from that of the machine file"
-            tried.append((off.left(fit.force), joint, what))
-    without, joint, what = min(tried)
+    found, without = _mistakes(fit, left)
     evidence = f"the model leaves {left:.0%} of the forces, without that {{:.0%}}"
     if without < SIMPLER * by_factors and BETTER * without < left:
-        yield Suspicion(spoken(joint), evidence.format(without), what, decisive=True)
+        for joint, mistake in zip(model.joints, found, strict=True):
+            if mistake is not RIGHT:
+                told = evidence.format(without)
+                yield Suspicion(spoken(joint), told, mistake.what, decisive=True)
     elif BETTER * by_factors < left and (factors > 0.0).all():
         named = ", ".join(
             f"{spoken(joint)} {factor:.3g}"
