@@ -36,6 +36,8 @@ FACTOR_ROUNDS = 1000  # of finding factors and parameters in turn
 UNDONE = ("count", "turn", "sign")
 SAME_LEFT = 1.1  # times as much may be left by the likelier mistake
 LEAST_STEP = 0.9  # of what was left, at most, if one more mistake is undone
+IMPERFECT = 0.015  # of the force unexplained, from which on units are compared
+LEAST_RATIO = 1.3  # of two factors that are units, and not what sensors or gears vary by
 SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
 
 
@@ -208,11 +210,15 @@ def _left(fit: _Fit, of: Sequence[_Mistake]) -> float:
     return fit.basis(undone).left(sign[fit.joint] * fit.force)
 
 
-def _mistakes(fit: _Fit, left: float) -> tuple[list[_Mistake], float]:
-    """The mistakes of all joints that explain the forces best, one after another; what is left."""
+def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistake], float]:
+    """The mistakes of all joints that explain the forces best, one after another; what is left.
+
+    Signs that only explain something together are tried as the signs of the `factors` (j,), whose
+    common one is not known.
+    """
     joints = fit.model.joints
     found = [RIGHT] * len(joints)
-    all_turned = [MISTAKES[0]] * len(joints)
+    together = [[MISTAKES[0] if turned else RIGHT for turned in s * factors < 0] for s in (1, -1)]
     while True:
         tried = [
             [*found[:j], mistake, *found[j + 1 :]]
@@ -220,11 +226,12 @@ def _mistakes(fit: _Fit, left: float) -> tuple[list[_Mistake], float]:
             for j, joint in enumerate(joints)
             if found[j] is RIGHT and (not mistake.turn or fit.model.setting.units[joint] == "rad")
         ]
-        lefts = [_left(fit, each) for each in (*tried, all_turned)]
+        tried += together
+        lefts = [_left(fit, each) for each in tried]
         first = next(k for k, each in enumerate(lefts) if each <= SAME_LEFT * min(lefts))
         if lefts[first] > LEAST_STEP * left:
             return found, left
-        found, left = [*tried, all_turned][first], lefts[first]
+        found, left = tried[first], lefts[first]
 
 
 def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
@@ -234,17 +241,21 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
         return
     basis = fit.basis(moved.record)
     left = basis.left(fit.force)
-    if left < POOR:
+    if left < IMPERFECT:
         return
     factors, by_factors = fit.factors(basis)
-    found, without = _mistakes(fit, left)
+    found, without = _mistakes(fit, left, factors) if left > POOR else ([], left)
     evidence = f"the model leaves {left:.0%} of the forces, without that {{:.0%}}"
     if without < SIMPLER * by_factors and BETTER * without < left:
         for joint, mistake in zip(model.joints, found, strict=True):
             if mistake is not RIGHT:
                 told = evidence.format(without)
                 yield Suspicion(spoken(joint), told, mistake.what, decisive=True)
-    elif BETTER * by_factors < left and (factors > 0.0).all():
+    elif (
+        BETTER * by_factors < left
+        and (factors > 0.0).all()
+        and factors.max() > LEAST_RATIO * factors.min()
+    ):
         named = ", ".join(
             f"{spoken(joint)} {factor:.3g}"
             for joint, factor in zip(model.joints, factors, strict=True)
@@ -253,7 +264,7 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
             "forces",
             evidence.format(by_factors),
             f"each joint has another unit, as efforts in amperes have; factors that agree: {named}",
-            decisive=True,
+            decisive=left > POOR,
         )
     elif left > UNEXPLAINED:
         yield Suspicion(
