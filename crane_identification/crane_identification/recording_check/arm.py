@@ -33,7 +33,7 @@ from crane_model.record import Record
 
 TURNS = {"+90°": np.pi / 2, "-90°": -np.pi / 2, "180°": np.pi}  # that a zero may be off
 FACTOR_ROUNDS = 1000  # of finding factors and parameters in turn
-UNDONE = ("count", "turn", "sign")
+UNDONE = ("direction", "turn", "sign")
 SAME_LEFT = 1.1  # times as much may be left by the likelier mistake
 LEAST_STEP = 0.9  # of what was left, at most, if one more mistake is undone
 IMPERFECT = 0.015  # of the force unexplained, from which on units are compared
@@ -176,12 +176,12 @@ class _Basis(NamedTuple):
 
 class _Mistake(NamedTuple):
     """What may be wrong with a joint: its force is `sign` times the one that the model expects, its
-    position `count` times that of the machine file, from a zero that is off by `turn` [rad].
+    position `direction` times that of the machine file, from a zero that is off by `turn` [rad].
     """
 
     what: str
     sign: float = 1.0
-    count: float = 1.0
+    direction: float = 1.0
     turn: float = 0.0
 
 
@@ -192,20 +192,22 @@ MISTAKES = (
         _Mistake(f"its zero is off by {name} from that of the machine file", turn=angle)
         for name, angle in TURNS.items()
     ),
-    _Mistake("its position counts the other way than in the machine file", count=-1.0),
-    _Mistake("it counts the other way than in the machine file", sign=-1.0, count=-1.0),
+    _Mistake("its position counts the other way than in the machine file", direction=-1.0),
+    _Mistake("it counts the other way than in the machine file", sign=-1.0, direction=-1.0),
 )
 
 
-def _left(fit: _Fit, of: Sequence[_Mistake]) -> float:
+def _left(fit: _Fit, mistakes: Sequence[_Mistake]) -> float:
     """Share (rms) of the force that is left if each joint's mistake is undone."""
     record = fit.moved.record
-    count, turn, sign = (np.array([getattr(one, name) for one in of]) for name in UNDONE)
+    direction, turn, sign = (
+        np.array([getattr(mistake, name) for mistake in mistakes]) for name in UNDONE
+    )
     undone = replace(
         record,
-        position=count * record.position + turn,
-        velocity=count * record.velocity,
-        acceleration=count * record.acceleration,
+        position=direction * record.position + turn,
+        velocity=direction * record.velocity,
+        acceleration=direction * record.acceleration,
     )
     return fit.basis(undone).left(sign[fit.joint] * fit.force)
 
@@ -227,8 +229,8 @@ def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistak
             if found[j] is RIGHT and (not mistake.turn or fit.model.setting.units[joint] == "rad")
         ]
         tried += together
-        lefts = [_left(fit, each) for each in tried]
-        first = next(k for k, each in enumerate(lefts) if each <= SAME_LEFT * min(lefts))
+        lefts = [_left(fit, mistakes) for mistakes in tried]
+        first = next(k for k, share in enumerate(lefts) if share <= SAME_LEFT * min(lefts))
         if lefts[first] > LEAST_STEP * left:
             return found, left
         found, left = tried[first], lefts[first]

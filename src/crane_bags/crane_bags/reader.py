@@ -180,8 +180,8 @@ def _check(path: Path, reader: StoredBag, topic: Topic, store: Typestore, needed
             return False
         present = sorted({connection.topic for connection in reader.connections})
         if topic.name in present:
-            stated = reader.contradictions.get(topic.name)
-            but = f", and metadata.yaml states {stated.stated}" if stated else ""
+            wrong = reader.contradictions.get(topic.name)
+            but = f", and metadata.yaml states {wrong.stated}" if wrong else ""
             raise DataError(
                 f"{path}: topic {topic.name} holds no message{but}; check its publisher"
             )
