@@ -11,6 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from crane_bags.clocks import TimeBack
 from crane_driver.can.bus import BusError
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
@@ -56,7 +57,8 @@ class ActiveDriver:
         self._commands: Subscription | None = None
         self._estimates: Subscription | None = None
         self._findings: Subscription | None = None
-        self._begun = 0  # ns
+        self._begun = 0  # ns; earlier if the clock was set back since
+        self._back = TimeBack()
         self._timer: Timer | None = None
 
     def begin(self, realtime: RealTimeSettings) -> None:
@@ -139,6 +141,12 @@ class ActiveDriver:
         for pressure_sample in pressures:
             self._pressures.publish(cylinder_pressures(pressure_sample, self.loop.cylinders))
         for joint_sample in joints:
+            if self._back.comes("joint_states", joint_sample.stamp):
+                self._begun = min(self._begun, joint_sample.stamp)
+                self._log.warning(
+                    f"the clock was set back by {self._back.by:.1f} s: stamps follow it; bags of "
+                    "this moment are refused"
+                )
             self._joints.publish(joint_state(joint_sample, self.loop.joints))
         for heard in self.loop.take_heard():
             self._outputs.publish(valve_output(heard.stamp, heard.commands))

@@ -37,6 +37,7 @@ NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see
 LONGEST_SETTLING = 3.0  # s; a crane that still swings is held by its valves
 RELEASE_TIME_S = 0.2  # from full spool to neutral; commands that just stop, the driver ramps
 NEUTRAL_AFTER = 0.2  # s, in which the driver surely sees that commands end at neutral
+CLOCK_SET_BACK_S = 0.05  # by which stamps go back if their clock was set
 REST_TIME_S = 0.5  # over which the mean velocity of a joint at rest is below its standstill speed
 
 
@@ -273,7 +274,14 @@ class Experiment:
         """
         dt = stamp - self._stamp if self._stamp is not None else 0.0
         self._stamp, self._heard = stamp, now
-        tuning = self._tuning.advance(max(dt, 0.0))
+        if dt < -CLOCK_SET_BACK_S:
+            self.stop(
+                Outcome.STATES_LOST,
+                f"the clock of the joint states was set back by {-dt:.2f} s, limit "
+                f"{CLOCK_SET_BACK_S:g} s; stop what sets it, and run again",
+            )
+        dt = max(dt, 0.0)
+        tuning = self._tuning.advance(dt)
         self._standstill.add(velocity, tuning, now)
         if self.stage in (Stage.LEADING, Stage.BRAKING, Stage.SETTLING):
             self._clock.advance(dt)

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from crane_bags.clocks import MAX_JUMP_NS
 from crane_driver.can.codec import Readings
 from crane_driver.can.layout import Layout, MessageLayout
 from crane_driver.can.mapping import Timing
@@ -33,7 +34,6 @@ DRIFTED_APART_CYCLES = 0.6
 MOST_REFUSED_FRAMES = 10
 
 LONGEST_WAIT_CYCLES = 20  # cycles for which a frame is waited for
-CLOCK_SET_NS = 1_000_000_000  # ns; the wall clock was set if it goes back by more
 
 
 class Placed(NamedTuple):
@@ -236,7 +236,7 @@ class Assembly:
     together if they were received within half a cycle.
 
     Numbered cycles are stamped with the instant at which they were sampled (see `SamplingClock`),
-    others with the reception of their first frame. Stamps increase.
+    others with the reception of their first frame. Stamps increase unless the clock is set back.
     """
 
     def __init__(self, layout: Layout, kind: Literal["positions", "pressures"]):
@@ -324,11 +324,14 @@ class Assembly:
         return self._stamped(number, cycle)
 
     def _stamped(self, number: int, cycle: _Set) -> Complete | None:
-        """None, and given up, if it was not sampled after the last one: a clock is wrong."""
+        """None, and given up, if it was not sampled after the last one: a clock is wrong.
+
+        If the wall clock goes back by more than `MAX_JUMP_NS`, it was set, and stamps follow it.
+        """
         sampled = self._clock.sampled(number, cycle.steady) if self._numbers else cycle.steady
         stamp = cycle.stamp - round((cycle.steady - sampled) * 1e9)
         back = self._last.stamp - stamp  # ns
-        if sampled <= self._last.sampled or 0 <= back < CLOCK_SET_NS:
+        if sampled <= self._last.sampled or 0 <= back <= MAX_JUMP_NS:
             self._given_up += 1
             return None
         self._last = Complete(stamp, sampled, cycle.steady, cycle.values)

@@ -293,7 +293,8 @@ class Decoder:
         for channel in layout.commands:
             value = _value(layout, channel, raw, readings.faults)
             if value is not None:
-                value = _directed(layout, channel, value, raw, readings.faults)
+                part = min(max(value, channel.least), channel.most)
+                value = _directed(layout, channel, part, raw, readings.faults)
             self._parts[channel.name][layout.name, channel.signal] = value
         for name in {channel.name for channel in layout.commands}:
             parts = [part for part in self._parts[name].values() if part is not None]

@@ -16,8 +16,9 @@ from crane_driver.faults import UNUSABLE, Fault, FaultKind
 REMEMBERED_FRAMES = 64  # own frames: a third of a second of them
 ANOTHER_COMMANDS = "another node commands the valves ({said})"
 OWN_FRAME_RETURNED = (
-    "a valve frame of this driver came back ({said}): a gateway or a recording repeats it, or the "
-    "interface returns what it sends (receive_own_messages); only one may command the valves"
+    "a valve frame of this driver came back ({said}): a gateway or a recording repeats it, a "
+    "second driver sends the same, or the interface returns what it sends (receive_own_messages); "
+    "only one may command the valves"
 )
 
 

@@ -12,11 +12,13 @@ from crane_driver.faults import Fault, FaultKind
 
 LARGEST_MEASUREMENT = {
     2: 2,
+    4: 14,
     10: 0x3FA,
     **{length: (0xFB << (length - 8)) - 1 for length in (8, 12, 16, 20, 24, 28, 32)},
 }
 """Largest raw value that is not a code, by the length in bits. Source: SAE J1939-71, transmitted
-signal ranges; states of two bits keep their error, 2, which nobody takes for a measurement."""
+signal ranges; states of two and four bits keep their error, the value below, which nobody takes for
+a measurement."""
 
 
 class Code(StrEnum):
@@ -52,7 +54,7 @@ class Codes:
         length = self.length
         if not length or raw <= LARGEST_MEASUREMENT[length]:
             return None
-        if length <= 2:
+        if length <= 4:
             return Code.NOT_AVAILABLE
         return CODES[int(raw) >> (length - 8) if length != 10 else int(raw) & 0xFF]
 

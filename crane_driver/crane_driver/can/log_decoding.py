@@ -96,8 +96,7 @@ def describe(log: BusLog, table: LogTable) -> str:
             f"{cycle.longest_gap_at:.3f} s"
         )
     lines += ["", f"a gap is longer than {GAP_CYCLES} median cycles"]
-    for (identifier, message, reason), count in table.failed.most_common():
-        lines.append(f"not decodable: {count} frames of {message} ({identifier}): {reason}")
+    lines += [f"not decodable: {text}" for text in _failed(table)]
     if table.codes:
         counts = [f"{name}: {count} x {code}" for (name, code), count in table.codes.items()]
         lines.append(
@@ -115,12 +114,23 @@ def describe(log: BusLog, table: LogTable) -> str:
             f"{', '.join(guessed)}"
         )
     if unknown:
-        named = [
-            f"{name}: {count}" for name, count in table.unknown.most_common(LISTED_IDENTIFIERS)
-        ]
-        more = len(table.unknown) - len(named)
-        lines.append(f"unknown ids: {', '.join(named)}" + (f", and {more} more" if more else ""))
+        lines.append(f"unknown ids: {_unknown(table)}")
     return "\n".join(lines)
+
+
+def _failed(table: LogTable, only: str = "") -> list[str]:
+    """The frames that could not be decoded, of all messages or of one."""
+    return [
+        f"{count} frames of {message} ({identifier}): {reason}"
+        for (identifier, message, reason), count in table.failed.most_common()
+        if only in ("", message)
+    ]
+
+
+def _unknown(table: LogTable) -> str:
+    named = [f"{name}: {count}" for name, count in table.unknown.most_common(LISTED_IDENTIFIERS)]
+    more = len(table.unknown) - len(named)
+    return ", ".join(named) + (f", and {more} more" if more else "")
 
 
 def beside(log: BusLog) -> list[str]:
@@ -358,6 +368,12 @@ def _read(log: BusLog, table: LogTable, bag: LogBag | None) -> None:
             f"{log.path}: no data frame{of_channel} in {log.lines} lines: "
             f"{', '.join(beside(log)) or 'nothing else'}; name {remedy}"
         )
+    if table.decoded == 0:
+        reasons = [*_failed(table), *(f"unknown id {_unknown(table)}",) * bool(table.unknown)]
+        raise DataError(
+            f"{log.path}: none of {table.frames} frames can be decoded by the DBC: "
+            f"{'; '.join(reasons)}; name the DBC of this bus and channel"
+        )
 
 
 def _describe_bag(path: Path, bag: LogBag) -> list[str]:
@@ -379,5 +395,8 @@ def _not_taken(table: LogTable, bag: LogBag, layout: Layout) -> list[str]:
                 f"{message.id} only: write the id that is meant into the DBC"
             )
         elif not ids:
-            lines.append(f"no frame of {message.name} ({message.id}) is in the log")
+            lines.append(
+                "; ".join(_failed(table, message.name))
+                or f"no frame of {message.name} ({message.id}) is in the log"
+            )
     return lines

@@ -19,6 +19,7 @@ from crane_bags.fields import read_messages
 from crane_bags.storage import MCAP_MAGIC
 from crane_bags.types import CAN_FRAMES
 from crane_driver.can.bus_log import (
+    EARLIEST,
     BusLog,
     Clock,
     Entry,
@@ -101,6 +102,12 @@ MONTH = {
 }
 LARGEST_STANDARD_IDENTIFIER = 0x7FF
 CLASSIC_CAN_BYTES = 8
+
+TRC_START = re.compile(  # a remark of TRC 1.0, whose stamps count from it
+    r";\s*start time:\s*(?:(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>\d{4})"
+    r"|(?P<iso>\d{4}-\d\d-\d\d))\s+(?P<clock>\d{1,2}:\d\d:\d\d)(?:[.,](?P<fraction>\d{1,6}))?.*",
+    re.IGNORECASE,
+)
 
 SQLITE_MAGIC = b"SQLite format 3\x00"
 BEGINNING_BYTES = 4096  # bytes that tell the format
@@ -388,14 +395,31 @@ class BagOfFrames(BusLog):
 
 
 class _Rows(io.TextIOWrapper):
-    """Text that counts its rows, without comments: python-can skips those it cannot read."""
+    """Text that counts its rows, without remarks: python-can skips those it cannot read.
+
+    `start`: the date of a remark, if there is one [s since 1970, as if in UTC]; python-can reads
+    none of them.
+    """
 
     count = 0
+    start = 0.0
 
     def __next__(self) -> str:  # type: ignore[override]  # as in the class above
         line = super().__next__()
         self.count += line.strip()[:1] not in ("", ";")
+        if match := TRC_START.fullmatch(line.strip()):
+            self.start = _trc_start(match)
         return line
+
+
+def _trc_start(match: re.Match[str]) -> float:
+    """Date of a remark [s since 1970, as if in UTC]; 0 if it is not a date."""
+    day = match["iso"] or f"{match['year']}-{match['month']:0>2}-{match['day']:0>2}"
+    try:
+        date = datetime.fromisoformat(f"{day} {match['clock']:0>8}+00:00")
+    except ValueError:
+        return 0.0
+    return date.timestamp() + float(f"0.{match['fraction'] or 0}")
 
 
 @dataclass
@@ -406,7 +430,7 @@ class PythonCanLog(BusLog):
 
     def entries(self, on_bytes: Callable[[int], object]) -> Iterator[Entry]:
         self.clock = self.format.clock
-        position, shift = 0, None
+        position = 0
         with content(self.path) as file:
             try:
                 rows = _Rows(file, encoding=text_encoding(file), errors="replace")
@@ -414,7 +438,9 @@ class PythonCanLog(BusLog):
                     self.lines += 1
                     position, before = file.tell(), position
                     on_bytes(position - before)
-                    shift = self._shift(message.timestamp) if shift is None else shift
+                    if self.lines == 1:
+                        start = 0.0 if message.timestamp * 1e9 > EARLIEST else rows.start
+                        shift = self._shift(message.timestamp + start) + round(start * 1e9)
                     yield self._entry(message, shift)
                 if self.format.reader is can.TRCReader and rows.count > self.lines:
                     self.events["lines without a frame that can be read"] = rows.count - self.lines

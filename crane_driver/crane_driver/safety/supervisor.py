@@ -279,9 +279,8 @@ class Supervisor:
     def enable(self, now: float) -> None:
         """Let commands through from now on; `RefusedError` says what is in the way."""
         if (self.state, Event.ENABLE) not in TRANSITIONS:
-            raise RefusedError(
-                f"not enabled: the state is {self.state}; {self.cause}; {self.remedy}"
-            )
+            why = (f"not enabled: the state is {self.state}", self.cause, self.remedy)
+            raise RefusedError("; ".join(filter(None, why)))
         if self.commands.several:
             raise RefusedError(f"not enabled: {self.commands.several}; stop all but one")
         if any(self._output.values()):

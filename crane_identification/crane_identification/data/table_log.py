@@ -314,17 +314,28 @@ def _stream(files: Sequence[Path], column_map: ColumnMap, cells: Sequence[Cell])
     )
     stamps = numbers[column.cell]
     start, time = _since_start(stamps) if dates else _since_start_in_s(column.in_si(stamps))
-    backward = np.flatnonzero(~(np.diff(time) > 0))
+    steps = np.diff(time)
+    backward = np.flatnonzero(~(steps > 0))
     if len(backward):
         number = backward[0] + 1
         places = [(file, row) for file, rows in zip(files, kept, strict=True) for row in rows]
         file, row = places[number]
         raise DataError(
             f"{file}: column '{column.label}', row {row + 1}: time {stamps[number]} "
-            f"[{column.unit}] does not follow {stamps[number - 1]}; remove repeated rows, or give "
-            "the rate instead of time"
+            f"[{column.unit}] does not follow {stamps[number - 1]}; {_order_remedy(steps)}"
         )
     return Stream(start, time, numbers)
+
+
+def _order_remedy(steps: np.ndarray) -> str:
+    """How rows can get the order of their times, whose differences (n,) [s] are not all > 0."""
+    back = steps[steps < 0]
+    if not len(back):
+        return "remove repeated rows, or give the rate instead of time"
+    return (
+        f"time goes back {len(back)} time{'s' * (len(back) > 1)}, by up to {-back.min():.4g} s: "
+        "sort the rows, split the table where the clock was set, or give the rate instead of time"
+    )
 
 
 def _joined(tables: Sequence[Columns]) -> Columns:

@@ -1,6 +1,6 @@
 """Checks of signs, zeros and units by the forces of any machine, with or without its model."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -33,6 +33,11 @@ from crane_model.record import Record
 
 TURNS = {"+90°": np.pi / 2, "-90°": -np.pi / 2, "180°": np.pi}  # that a zero may be off
 FACTOR_ROUNDS = 1000  # of finding factors and parameters in turn
+UNDONE = ("direction", "turn", "sign")
+SAME_LEFT = 1.1  # times as much may be left by the likelier mistake
+LEAST_STEP = 0.9  # of what was left, at most, if one more mistake is undone
+IMPERFECT = 0.015  # of the force unexplained, from which on units are compared
+LEAST_RATIO = 1.3  # of two factors that are units, and not what sensors or gears vary by
 SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
 
 
@@ -169,31 +174,90 @@ class _Basis(NamedTuple):
         return float(np.linalg.norm(force - self.predicted(force)) / np.linalg.norm(force))
 
 
+class _Mistake(NamedTuple):
+    """What may be wrong with a joint: its force is `sign` times the one that the model expects, its
+    position `direction` times that of the machine file, from a zero that is off by `turn` [rad].
+    """
+
+    what: str
+    sign: float = 1.0
+    direction: float = 1.0
+    turn: float = 0.0
+
+
+RIGHT = _Mistake("")
+MISTAKES = (
+    _Mistake("the sign of its force is turned", sign=-1.0),
+    *(
+        _Mistake(f"its zero is off by {name} from that of the machine file", turn=angle)
+        for name, angle in TURNS.items()
+    ),
+    _Mistake("its position counts the other way than in the machine file", direction=-1.0),
+    _Mistake("it counts the other way than in the machine file", sign=-1.0, direction=-1.0),
+)
+
+
+def _left(fit: _Fit, mistakes: Sequence[_Mistake]) -> float:
+    """Share (rms) of the force that is left if each joint's mistake is undone."""
+    record = fit.moved.record
+    direction, turn, sign = (
+        np.array([getattr(mistake, name) for mistake in mistakes]) for name in UNDONE
+    )
+    undone = replace(
+        record,
+        position=direction * record.position + turn,
+        velocity=direction * record.velocity,
+        acceleration=direction * record.acceleration,
+    )
+    return fit.basis(undone).left(sign[fit.joint] * fit.force)
+
+
+def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistake], float]:
+    """The mistakes of all joints that explain the forces best, one after another; what is left.
+
+    Signs that only explain something together are tried as the signs of the `factors` (j,), whose
+    common one is not known.
+    """
+    joints = fit.model.joints
+    found = [RIGHT] * len(joints)
+    together = [[MISTAKES[0] if turned else RIGHT for turned in s * factors < 0] for s in (1, -1)]
+    while True:
+        tried = [
+            [*found[:j], mistake, *found[j + 1 :]]
+            for mistake in MISTAKES
+            for j, joint in enumerate(joints)
+            if found[j] is RIGHT and (not mistake.turn or fit.model.setting.units[joint] == "rad")
+        ]
+        tried += together
+        lefts = [_left(fit, mistakes) for mistakes in tried]
+        first = next(k for k, share in enumerate(lefts) if share <= SAME_LEFT * min(lefts))
+        if lefts[first] > LEAST_STEP * left:
+            return found, left
+        found, left = tried[first], lefts[first]
+
+
 def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
-    """Find forces that the user's model cannot explain, and one mistake that would explain them."""
+    """Find forces that the user's model cannot explain, and mistakes that would explain them."""
     fit = _Fit(model, moved)
     if not fit.force.any():
         return
     basis = fit.basis(moved.record)
     left = basis.left(fit.force)
-    if left < POOR:
+    if left < IMPERFECT:
         return
     factors, by_factors = fit.factors(basis)
-    tried: list[tuple[float, str, str]] = []
-    for j, joint in enumerate(model.joints):
-        turned = np.where(fit.joint == j, -1.0, 1.0) * fit.force
-        tried.append((basis.left(turned), joint, "the sign of its force is turned"))
-        for name, angle in TURNS.items() if model.setting.units[joint] == "rad" else ():
-            position = moved.record.position.copy()
-            position[:, j] += angle
-            off = fit.basis(replace(moved.record, position=position))
-            what = f"its zero is off by {name} from that of the machine file"
-            tried.append((off.left(fit.force), joint, what))
-    without, joint, what = min(tried)
+    found, without = _mistakes(fit, left, factors) if left > POOR else ([], left)
     evidence = f"the model leaves {left:.0%} of the forces, without that {{:.0%}}"
     if without < SIMPLER * by_factors and BETTER * without < left:
-        yield Suspicion(spoken(joint), evidence.format(without), what, decisive=True)
-    elif BETTER * by_factors < left and (factors > 0.0).all():
+        for joint, mistake in zip(model.joints, found, strict=True):
+            if mistake is not RIGHT:
+                told = evidence.format(without)
+                yield Suspicion(spoken(joint), told, mistake.what, decisive=True)
+    elif (
+        BETTER * by_factors < left
+        and (factors > 0.0).all()
+        and factors.max() > LEAST_RATIO * factors.min()
+    ):
         named = ", ".join(
             f"{spoken(joint)} {factor:.3g}"
             for joint, factor in zip(model.joints, factors, strict=True)
@@ -202,7 +266,7 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
             "forces",
             evidence.format(by_factors),
             f"each joint has another unit, as efforts in amperes have; factors that agree: {named}",
-            decisive=True,
+            decisive=left > POOR,
         )
     elif left > UNEXPLAINED:
         yield Suspicion(

@@ -80,10 +80,12 @@ def _forces(
         return [], lacking
     try:
         moved = ArmMotion.of(log, machine)
-        found = list(signs(moved))
         if model is None or model.joints != log.joints:
-            return found, lacking
-        return found or list(arm(model, moved)), ()
+            return list(signs(moved)), lacking
+        found = list(arm(model, moved))
+        if not any(suspicion.decisive for suspicion in found):
+            found += signs(moved)
+        return found, ()
     except (DataError, RangeError, ConfigurationError) as error:
         return [], (f"forces: {error}",)
 

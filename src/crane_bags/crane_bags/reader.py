@@ -134,29 +134,36 @@ def read_topics(
         if not wanted:
             return {}
         tables, log_times = _read(path, reader, wanted, store, progress)
-        for name in wanted:
-            stated, _ = announced(reader, name)
-            if len(log_times[name]) < stated:
-                raise DataError(
-                    f"{path}: topic {name} announces {stated} messages, but only "
-                    f"{len(log_times[name])} are readable; the bag is damaged or not complete"
-                )
-        return {
-            name: in_order(
-                path, name, tables[name], np.array(log_times[name]), contradiction(reader, name)
+        empty = [topic.name for topic in optional if topic.name not in wanted]
+        notes = {
+            name: contradiction(reader, name, *empty)
+            + _note(
+                max(announced(reader, name)[0] - len(log_times[name]), 0),
+                f"{name}: messages that the index of the files states, and that are not there",
             )
+            for name in wanted
+        }
+        return {
+            name: in_order(path, name, tables[name], np.array(log_times[name]), notes[name])
             for name in wanted
         }
 
 
-def contradiction(reader: StoredBag, topic: str) -> tuple[str, ...]:
-    """Notes where metadata.yaml does not fit the files: what they hold more, of a topic or all."""
-    notes = []
-    if (count := reader.contradictions.get(topic)) is not None:
-        notes.append(
-            f"{topic}: metadata.yaml states {count.stated} messages, the files hold {count.held}; "
-            "all of them are used"
+def contradiction(reader: StoredBag, *topics: str) -> tuple[str, ...]:
+    """Notes where metadata.yaml does not fit the files: what it states of topics, and of files."""
+    counts = {
+        topic: reader.contradictions[topic] for topic in topics if topic in reader.contradictions
+    }
+    notes = [
+        f"{topic}: metadata.yaml states {count.stated} messages, "
+        + (
+            f"the files hold {count.held}; all of them are used"
+            if count.held > count.stated
+            else f"the files are whole and hold {count.held}; if more were recorded, copy the bag "
+            "again"
         )
+        for topic, count in counts.items()
+    ]
     if reader.unlisted:
         notes.append(
             f"{', '.join(reader.unlisted)}: not read, for metadata.yaml does not list it; "
@@ -165,7 +172,7 @@ def contradiction(reader: StoredBag, topic: str) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: bool) -> bool:
+def _check(path: Path, reader: StoredBag, topic: Topic, store: Typestore, needed: bool) -> bool:
     """Return whether the bag has `topic`; `DataError` if needed and not, or of another type."""
     count, hashes = announced(reader, topic.name)
     if count == 0:
@@ -173,7 +180,11 @@ def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: b
             return False
         present = sorted({connection.topic for connection in reader.connections})
         if topic.name in present:
-            raise DataError(f"{path}: topic {topic.name} holds no message; check its publisher")
+            wrong = reader.contradictions.get(topic.name)
+            but = f", and metadata.yaml states {wrong.stated}" if wrong else ""
+            raise DataError(
+                f"{path}: topic {topic.name} holds no message{but}; check its publisher"
+            )
         if frames := {
             connection.topic
             for connection in reader.connections

@@ -50,7 +50,7 @@ class Count(NamedTuple):
 class StoredBag(Reader):
     """An open bag, of which the files decide: metadata.yaml and the index of a file may be wrong.
 
-    `contradictions`: topics of which the files hold more messages than metadata.yaml states.
+    `contradictions`: topics of which the files hold another number than metadata.yaml states.
     `unlisted`: files of the folder that it does not list, which are not read.
     """
 
@@ -79,28 +79,27 @@ class StoredBag(Reader):
         )
 
     def _compare(self, folder: DirectoryReader) -> None:
-        """Correct what metadata.yaml states of `folder`: types, and counts if files hold more."""
+        """Correct what metadata.yaml states of `folder`: types and counts."""
         stored = [connection for file in _storages(self) for connection in file.connections]
-        for topic in dict.fromkeys(connection.topic for connection in stored):
+        for topic in dict.fromkeys(found.topic for found in (*stored, *folder.connections)):
             held = sum(connection.msgcount for connection in stored if connection.topic == topic)
             stated = [
                 k for k, connection in enumerate(folder.connections) if connection.topic == topic
             ]
-            file = next(connection for connection in stored if connection.topic == topic)
+            file = next((found for found in stored if found.topic == topic), None)
             for k in stated:
-                if folder.connections[k].msgtype != file.msgtype:
+                if file and folder.connections[k].msgtype != file.msgtype:
                     folder.connections[k] = folder.connections[k]._replace(
                         msgtype=file.msgtype, msgdef=file.msgdef, digest=file.digest
                     )
             count = Count(sum(folder.connections[k].msgcount for k in stated), held)
-            if count.held <= count.stated:
+            if count.held == count.stated:
                 continue
             self.contradictions[topic] = count
-            if stated:
-                first = folder.connections[stated[0]]
-                more = first.msgcount + count.held - count.stated
-                folder.connections[stated[0]] = first._replace(msgcount=more)
-            else:
+            for k in stated:
+                held = count.held if k == stated[0] else 0
+                folder.connections[k] = folder.connections[k]._replace(msgcount=held)
+            if file and not stated:
                 folder.connections.append(file._replace(msgcount=count.held))
 
 

@@ -134,6 +134,23 @@ def bodies_from_urdf(path: Path, tip: str | None = None) -> tuple[LinkBody, ...]
     return tuple(out)
 
 
+def masses_beside(path: Path, tip: str | None = None) -> dict[str, float]:
+    """Masses [kg] of the links that the bodies leave out: other joints than the arm's move them.
+
+    Joints and `tip` are those of `machine_file_from_urdf`.
+    """
+    robot = _read(path)
+    arm, _ = _arm(robot, tip, path)
+    joints = {_link(joint, "child", path): joint for joint in robot.findall("joint")}
+    found = {}
+    for link in robot.findall("link"):
+        name, mass = link.get("name", ""), link.find("inertial/mass")
+        beside = any(_moves(joint) and joint not in arm for joint in _way(joints, name, path))
+        if beside and mass is not None:
+            found[name] = _number(mass, "value", 0.0, f"{path}: link '{name}'")
+    return found
+
+
 def prior_file(bodies: Sequence[LinkBody], source: str) -> str:
     """Text of a prior file for `identify`, in which bodies that are not known are marked."""
     lines, definite = [], True

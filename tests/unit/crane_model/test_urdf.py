@@ -324,6 +324,25 @@ def test_a_urdf_becomes_a_prior(tmp_path: Path, capsys: pytest.CaptureFixture[st
     np.testing.assert_allclose(prior.matrix @ theta, prior.values, rtol=1e-4, atol=1e-4)
 
 
+def test_masses_beside_the_arm_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two grippers, of which the arm has one."""
+    file = tmp_path / "arm.urdf"
+    given = [INERTIAL.format(c="0.1 0.2 -0.3", m=m, i=0.45) for m in (4.0, 2.5)]
+    grippers = "".join(
+        f'<link name="{name}">{INERTIAL.format(c="0 0 0", m=2.0, i=0.3)}</link>'
+        f'<joint name="to_{name}" type="revolute"><parent link="l2"/><child link="{name}"/>'
+        '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+        for name in ("left", "right")
+    )
+    file.write_text(with_bodies(*given).replace("</robot>", f"{grippers}</robot>"))
+    for tip, beside in (([], "right (2 kg)"), (["--tip", "l2"], "left (2 kg), right (2 kg)")):
+        assert main(["--urdf", str(file), *tip, "--replace"]) == 0
+        said = capsys.readouterr().out
+        assert f"left out, for other joints than those of the arm move them: {beside};" in said
+
+
 def test_a_flat_body_can_exist_but_has_no_log_det(tmp_path: Path) -> None:
     """A plate whose moments of inertia add up, but for rounding: 0.1 + 0.2 is not 0.3."""
     file, prior = tmp_path / "arm.urdf", tmp_path / "prior.yaml"

@@ -14,6 +14,7 @@ from crane_trajectory import Experiment, FourierTrajectory, Motion, Outcome, loa
 from crane_trajectory.control.controller import (
     BLEND,
     ControlCondition,
+    PdDeadBand,
     SensorReading,
     Tuning,
     Wanted,
@@ -207,6 +208,25 @@ def test_a_leap_of_the_stamps_never_makes_the_reference_leap(leap: float) -> Non
     assert np.abs(crane.experiment.target.position - before).max() <= 0.5 * LONGEST_STEP
 
 
+@pytest.mark.parametrize("back", [0.2, 3600.0])
+def test_a_clock_that_is_set_back_ends_the_experiment_and_opens_no_valve_further(
+    back: float,
+) -> None:
+    """Twice; what a controller adds at its start decays, and would grow by a time that is < 0."""
+    controller = PdDeadBand(TUNING.gains)
+    crane = led_by(controller).until(6.0)
+    for _ in range(2):
+        before = crane.commands[-1]
+        u = crane.experiment.sample(crane.now - back, crane.q, crane.v, crane.now)
+        assert u is not None
+        np.testing.assert_allclose(u, before, atol=0.02)
+        crane.cycle()
+    crane.to_the_end()
+    assert crane.experiment.outcome is Outcome.STATES_LOST
+    assert f"was set back by {back:.2f} s" in crane.experiment.message
+    ends_well(crane)
+
+
 def test_new_gains_come_without_a_jump() -> None:
     """Beside a twin whose gains are left alone."""
     crane, twin = (Crane().until(MOTION.excitation_start + 1.0) for _ in range(2))
@@ -255,7 +275,7 @@ class Echo:
         return np.clip(speed + 0.05 * np.sign(speed), -1.0, 1.0)
 
 
-def led_by(controller: Echo) -> Crane:
+def led_by(controller: Echo | PdDeadBand) -> Crane:
     crane = Crane()
     crane.experiment = Experiment(MOTION, TUNING, TIMEOUT, crane.now, controller)
     return crane

@@ -20,7 +20,13 @@ from crane_model.inspection import (
 )
 from crane_model.kinematics import link_transforms, tip_position
 from crane_model.machine import Machine, load_machine
-from crane_model.urdf_reading import LinkBody, bodies_from_urdf, machine_file_from_urdf, prior_file
+from crane_model.urdf_reading import (
+    LinkBody,
+    bodies_from_urdf,
+    machine_file_from_urdf,
+    masses_beside,
+    prior_file,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -153,6 +159,12 @@ def main(argv: Sequence[str] | None = None) -> int:
                 print(f"{request.prior}: written; {count} of {len(bodies)} bodies are known")
             for line in impossible(bodies):
                 print(f"{request.urdf}: {line}")
+            if beside := masses_beside(request.urdf, request.tip):
+                named = ", ".join(f"{link} ({mass:g} kg)" for link, mass in beside.items())
+                print(
+                    f"{request.urdf}: left out, for other joints than those of the arm move them: "
+                    f"{named}; name the end of the arm by --tip"
+                )
             return
         machine = load_machine(request.check)
         out = request.out or Path(f"{machine.name.replace(' ', '_')}.png")

@@ -77,9 +77,13 @@ def test_a_frame_that_seems_to_come_before_the_last_set_makes_none(positions: As
     assert positions.incomplete == 1
 
 
-def test_a_wall_clock_that_is_set_back_does_not_end_the_readings(positions: Assembly) -> None:
+@pytest.mark.parametrize("back", [0.2, 3600.0])
+def test_a_wall_clock_that_is_set_back_does_not_end_the_readings(
+    back: float, positions: Assembly
+) -> None:
     add(positions, "EncoderBase", 1000.0, BASE)
     add(positions, "EncoderBoom", 1000.0, BOOM)
+    stamp = round((1000.005 - back) * 1e9)
     for message, joints in (("EncoderBase", BASE), ("EncoderBoom", BOOM)):
-        complete = positions.add(Readings(message, 5_000_000_000, 1000.005, positions=joints))
-    assert [one.stamp for one in complete] == [5_000_000_000]
+        complete = positions.add(Readings(message, stamp, 1000.005, positions=joints))
+    assert [one.stamp for one in complete] == [stamp]

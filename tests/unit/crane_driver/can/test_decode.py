@@ -76,6 +76,37 @@ def test_every_value_of_the_log_is_in_the_table(
     assert "239 frames read over 0.196 s: 239 decoded, 0 of 0 unknown ids" in report
 
 
+@pytest.mark.parametrize("bag", [True, False])
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        ("121#0102", "2 frames of EncoderBoom (121): 2 bytes, the DBC says 8"),
+        ("7A1#0102030405060708", "unknown id 7A1: 2"),
+    ],
+)
+def test_a_log_of_which_nothing_can_be_decoded_is_refused(
+    frame: str, reason: str, bag: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, out = tmp_path / "bus.log", tmp_path / ("bag" if bag else "table.csv")
+    log.write_text("".join(f"({START}.{k:06}) can0 {frame}\n" for k in range(2)))
+    mapping = ["--mapping", str(MAPPING)] if bag else []
+    assert main(["--dbc", str(DBC), *mapping, "--log", str(log), "--out", str(out)]) == 1
+    error = capsys.readouterr().err
+    assert f"none of 2 frames can be decoded by the DBC: {reason}; name the DBC of this" in error
+    assert not out.exists()
+
+
+def test_frames_of_another_size_are_in_the_log_and_not_in_the_bag(
+    crane_log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    crane_log.write_text(re.sub("(121#.*)..", r"\1", crane_log.read_text()))
+    arguments = ["--dbc", str(DBC), "--mapping", str(MAPPING), "--out", str(tmp_path / "bag")]
+    main([*arguments, "--log", str(crane_log)])
+    said = capsys.readouterr()
+    assert "frames of EncoderBoom (121): 7 bytes, the DBC says 8" in said.err + said.out
+    assert "no frame of" not in said.err + said.out
+
+
 def test_stamps_of_the_table_are_those_of_the_log(crane_log: Path, tmp_path: Path) -> None:
     out = tmp_path / "crane.parquet"
     main(["--dbc", str(DBC), "--log", str(crane_log), "--out", str(out)])
@@ -195,7 +226,7 @@ def test_an_existing_bag_stays_as_it_is(crane_log: Path, tmp_path: Path) -> None
 
 @pytest.mark.parametrize(
     ("content", "reason"),
-    [("", "the log is empty"), ("(1.0) can0 7FF#00\n", "its frames make no message")],
+    [("", "the log is empty"), ("(1.0) can0 7FF#00\n", "none of 1 frames can be decoded")],
 )
 def test_a_log_of_nothing_leaves_no_bag(
     tmp_path: Path, content: str, reason: str, capsys: pytest.CaptureFixture[str]

@@ -156,6 +156,15 @@ def test_codes_are_no_values_of_a_table(decode: Any, limits: str) -> None:
     assert "Boom.Ready: 1 x not available" in said
 
 
+def test_four_bits_have_a_code_too(decode: Any) -> None:
+    dbc = messages(0xFE)
+    dbc["Boom"][3][2] = ("Ready", "32|4@1+ (1,0) [0|0]", "")
+    status, said, out = decode("".join(line(k, 0x21, ready=13 + k) for k in range(3)), dbc)
+    assert status == 0
+    assert pl.read_parquet(out).filter(signal="Ready")["value"].to_list() == [13.0, 14.0, None]
+    assert "Boom.Ready: 1 x not available" in said
+
+
 def test_codes_are_kept_where_they_are_wanted_or_the_dbc_knows_better(decode: Any) -> None:
     _, said, out = decode(CODES, messages(0xFE), "--keep-codes")
     assert pl.read_parquet(out).filter(signal="Chamber")["value"].max() == 0xFFFF * 1000.0

@@ -121,6 +121,33 @@ def test_lines_that_python_can_skips_are_counted(tmp_path: Path) -> None:
     assert log.events.total() == 2
 
 
+TRC_1_0 = """;##########################################################################
+;   Start time: {}
+;---+--   ----+----  --+--  +  -+ -- -- -- -- -- -- --
+     1)        10     0123  2  01 FF
+     2)        20     0123  2  02 FF
+"""
+
+
+@pytest.mark.parametrize(
+    ("start", "first", "clock"),
+    [
+        ("14.11.2023 22:13:20.500.0", START + 0.51, Clock.LOCAL),
+        ("2023-11-14 22:13:20", START + 0.01, Clock.LOCAL),
+        ("11/12/2023 22:13:20", 0.01, Clock.START),  # of November or December
+        ("31.02.2023 22:13:20", 0.01, Clock.START),
+    ],
+)
+def test_the_oldest_trc_counts_from_a_date_in_a_remark(
+    start: str, first: float, clock: Clock, tmp_path: Path
+) -> None:
+    path = tmp_path / "bus.trc"
+    path.write_text(TRC_1_0.format(start))
+    log = open_log(path)
+    assert [frame.stamp / 1e9 for frame in log.frames()] == pytest.approx([first, first + 0.01])
+    assert log.stamps is clock
+
+
 @pytest.mark.parametrize("zone", [None, ZoneInfo("Asia/Tokyo")])
 def test_a_log_in_local_time_takes_a_zone(zone: ZoneInfo | None, tmp_path: Path) -> None:
     log = open_log(write(tmp_path / "bus.blf", FRAMES), zone=zone)

@@ -132,6 +132,20 @@ def test_what_is_encoded_is_decoded(layout: Layout, values: dict[str, float]) ->
     assert bytes(2) in (sent[0x101], sent[0x102])
 
 
+def test_a_side_that_reads_below_zero_opens_nothing(write_dbc: Write, write_mapping: Write) -> None:
+    """Two signed currents that mirror one another: each counts on its own side only."""
+    messages = MESSAGES | {
+        name: (MESSAGES[name][0], 2, 20, [("Current", "0|16@1- (0.5,0) [-1500|1500]", "mA")])
+        for name in ("Coil1", "Coil2")
+    }
+    heard = HeardCommands(load_layout(MACHINE, write_mapping(MAPPING), write_dbc(messages, STATES)))
+    for number, current in ((0x101, 300), (0x102, -300)):
+        data = int(current / 0.5).to_bytes(2, "little", signed=True)
+        command, _ = heard.observe(Frame(number, data, stamp=1, steady=1.0))
+    assert command is not None
+    assert command.commands["stick"] == pytest.approx(-0.5)
+
+
 def test_neutral_is_neutral_on_every_signal(layout: Layout) -> None:
     codec = DriverCodec(layout)
     codec.command_frames(dict.fromkeys(STEP, 1.0), enabled=True)

@@ -79,6 +79,12 @@ def test_enable_needs_a_neutral_command() -> None:
     one.it.enable(one.now)
 
 
+def test_a_driver_that_is_enabled_needs_no_remedy() -> None:
+    one = Bench().enabled()
+    with pytest.raises(RefusedError, match="^not enabled: the state is enabled$"):
+        one.it.enable(one.now)
+
+
 def test_the_first_command_after_enable_must_be_neutral() -> None:
     one = Bench()
     one.run(0.5)

@@ -87,6 +87,24 @@ def test_a_row_without_its_time_is_named_by_its_place_in_the_file(tmp_path: Path
         read(tmp_path / "a.csv", "t,x,f\n0,1,10\n\n0.1,2,20\n,3,30\n")
 
 
+@pytest.mark.parametrize(
+    ("times", "remedy"),
+    [
+        ((0, 0.1, 0.1, 0.2), "remove repeated rows"),
+        (
+            (8, 8.1, 7.9, 8.0),
+            r"goes back 1 time, by up to 0\.2 s: sort the rows, split the table",
+        ),
+        ((9000, 5400, 5401, 1801), r"time goes back 2 times, by up to 3600 s: sort the rows"),
+    ],
+)
+def test_a_clock_that_is_set_back_is_no_repeated_row(
+    times: tuple[float, ...], remedy: str, tmp_path: Path
+) -> None:
+    with pytest.raises(CraneError, match=remedy):
+        read(tmp_path / "a.csv", "t,x,f\n" + "".join(f"{time},1,2\n" for time in times))
+
+
 def test_decimal_comma(tmp_path: Path) -> None:
     columns = PLAIN + "separator: ';'\ndecimal: ','\n"
     log = read(tmp_path / "a.csv", "t;x;f\n0;1,5;-1,25e1\n0,1;2;20,0\n", columns)

@@ -75,6 +75,15 @@ def test_efforts_of_zeros_are_told_and_not_fitted(model: Model, good: Log) -> No
     assert found and all("zeros stand in its place" in str(one) for one in found)
 
 
+def test_several_turned_forces_are_found(model: Model, good: Log) -> None:
+    """Each alone explains little of what both spoil; of all, none alone explains anything."""
+    for turned in ([1, 2], [0, 3, 4], range(6)):
+        sign = np.where(np.isin(range(6), turned), -1.0, 1.0)
+        found = check(None, each(good, FORCE, sign.__mul__), model).decisive
+        assert {one.where for one in found} == {f"axis {j + 1}" for j in turned}
+        assert all("the sign of its force" in one.cause for one in found)
+
+
 @pytest.mark.parametrize("angle", [np.pi / 2, -np.pi / 2])
 def test_a_zero_that_is_off(model: Model, good: Log, angle: float) -> None:
     off = each(good, ("position",), column(4, lambda q: q - angle))
@@ -89,6 +98,15 @@ def test_efforts_in_amperes_are_no_turned_sign(model: Model, good: Log) -> None:
     assert found.where == "forces" and "amperes" in found.cause
     factors = [float(part.split()[-1]) for part in found.cause.partition("agree: ")[2].split(", ")]
     np.testing.assert_allclose(factors, ampere[0] / ampere, rtol=0.15)
+
+
+def test_units_that_differ_little_are_doubtful(model: Model, good: Log) -> None:
+    """Currents of motors with torque constants of 8 to 11 N m/A explain themselves nearly."""
+    ampere = 1.0 / np.array([11.5, 11.5, 9.8, 8.4, 8.4, 8.1])
+    checked = check(model.machine, each(good, FORCE, lambda f: f * ampere), model)
+    assert checked.verdict is RecordingVerdict.DOUBTFUL
+    (found,) = checked.suspicions
+    assert found.where == "forces" and "amperes" in found.cause
 
 
 @pytest.mark.parametrize(("axes", "ratio"), [([3, 5], 1.5), ([4, 5], 4.0), ([5], 4.0)])
