@@ -91,8 +91,8 @@ def _learn(model: Model, bags: Sequence[Path], file: Path) -> None:
     minutes = sum(np.ptp(recording.time) for recording in sums) / 60.0
     print(f"written: {file}, from {minutes:.1f} minutes")
     print(
-        f"an alarm begins at {tolerance.level:.0%} of the tolerance: expect one false alarm in "
-        f"{HOURS_PER_FALSE_ALARM:g} hours"
+        f"an alarm begins at {tolerance.level:.0%} of the tolerance, and at less with a longer "
+        f"recording: expect one false alarm in {HOURS_PER_FALSE_ALARM:g} hours"
     )
 
 
