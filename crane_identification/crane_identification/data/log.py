@@ -30,6 +30,8 @@ class Signal:
         Origin of each column, if not all come from `origin`.
     resolution : ndarray, shape (j,), optional
         Resolution of the sensors if the values were filtered; None: it shows in the values.
+    latency : ndarray, shape (j,), optional
+        By which the values are older than their stamps [s]; None: they are not.
 
     Examples
     --------
@@ -45,6 +47,11 @@ class Signal:
     set_back: SetBack | None = None
     columns: tuple[str, ...] = ()
     resolution: np.ndarray | None = None
+    latency: np.ndarray | None = None
+
+    def seen(self, j: int) -> np.ndarray:
+        """Return the times (n,) [s] at which the machine was as column `j` shows it."""
+        return self.time if self.latency is None else self.time - self.latency[j]
 
     def column(self, j: int) -> str:
         """Return the origin of column `j`."""

@@ -84,7 +84,7 @@ def resample(log: Log, rate: float | None = None, largest_gap: float = LARGEST_G
     }
     rate = rate or sampling_rate(required["position"].time)
     begin = max(signal.time[0] for signal in required.values())
-    end = min(signal.time[-1] for signal in required.values())
+    end = min(_last_seen(signal) for signal in required.values())
     time = begin + np.arange(int((end - begin + STAMP_MARGIN_S) * rate) + 1) / rate
     covered = np.ones(len(time), dtype=bool)
     for signal in required.values():
@@ -274,7 +274,7 @@ def measured(log: Log, signal: Signal, largest_gap: float = LARGEST_GAP) -> Sign
             f"its samples fill only {filled:.4g} s; check the clock that stamped them, or cut with "
             "--from and --to"
         )
-    return Signal(time, value[complete], signal.origin)
+    return Signal(time, value[complete], signal.origin, latency=signal.latency)
 
 
 class Interruption(NamedTuple):
@@ -336,11 +336,16 @@ def _by_column(method: Method, signal: Signal, time: np.ndarray, largest_gap: fl
         longest = max(largest_gap, 2.0 * float(np.median(np.diff(signal.time))))
     out = np.full((len(time), *signal.value.shape[1:]), np.nan)
     columns = signal.value.reshape(len(signal.value), -1).T
-    for into, values in zip(out.reshape(len(time), -1).T, columns, strict=True):
+    for j, (into, values) in enumerate(zip(out.reshape(len(time), -1).T, columns, strict=True)):
         known = np.isfinite(values)
         if known.any():
-            into[:] = method(signal.time[known], values[known], time, longest)
+            into[:] = method(signal.seen(j)[known], values[known], time, longest)
     return out
+
+
+def _last_seen(signal: Signal) -> float:
+    """The last time at which every column is known [s]."""
+    return float(signal.time[-1] - (0.0 if signal.latency is None else signal.latency.max()))
 
 
 def _interpolated(

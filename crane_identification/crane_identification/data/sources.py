@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -30,13 +30,21 @@ class Sources:
 
     def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
         """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
-        joints, options = self.model.joints, self.options
+        joints, options, machine = self.model.joints, self.options, self.model.machine
 
         def log_of(path: Path) -> Log:
             log = read_recording(path, joints, self.columns, self.progress, options.namespace)
+            if machine is not None:
+                log = late(log, machine.latency(joints))
             return slowed(usable(log, options.begin, options.end), options.rate)
 
         return tuple(log_of(path) for path in paths)
+
+
+def late(log: Log, latency: np.ndarray) -> Log:
+    """`log` with positions, and velocities, that are older than their stamps by (j,) [s]."""
+    velocity = log.velocity and replace(log.velocity, latency=latency)
+    return replace(log, position=replace(log.position, latency=latency), velocity=velocity)
 
 
 def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) -> None:

@@ -30,7 +30,7 @@ from crane_identification.validation.motion_validation import (
     validate_runs,
 )
 from crane_model.errors import CraneError
-from crane_model.hydraulics.simulation import circuit_of
+from crane_model.hydraulics.simulation import simulated_circuit
 from crane_model.model_file import Model
 
 # Noise of the force: how it scatters from period to period, and from sample to sample.
@@ -423,7 +423,7 @@ def commanded(fit: Fitted, after: Model, logs: Sequence[Log]) -> Commanded:
         record = replace(run.record, time=time - fit.session.since(log))  # of its commands
         runs.append(CommandedRun(log, record, float(time[1] - time[0])))
     try:
-        circuit_of(before)
+        simulated_circuit(before)
         first = validate_runs(before, runs)
         second = first if after is before else validate_runs(after, runs)
     except CraneError as error:

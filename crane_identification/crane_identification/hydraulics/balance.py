@@ -134,11 +134,12 @@ def _column(log: Log, joint: str, name: str) -> Signal | None:
     signal: Signal | None = getattr(log, name if joint in log.joints else APART.get(name, name))
     if signal is None:
         return None
-    value = signal.value if signal.value.ndim == 1 else signal.value[:, log.joints.index(joint)]
+    j = log.joints.index(joint) if signal.value.ndim == 2 else 0
+    value = signal.value if signal.value.ndim == 1 else signal.value[:, j]
     known = np.isfinite(value)
     if np.count_nonzero(known) < 2:
         return None
-    return Signal(signal.time[known], value[known], signal.origin)
+    return Signal(signal.seen(j)[known], value[known], signal.origin)
 
 
 def _parts(machine: Machine, joint: str, log: Log, wanted: Sequence[str]) -> list[Passage]:

@@ -43,7 +43,7 @@ from crane_model.hydraulics import (
     SupplyValues,
     ValveValues,
 )
-from crane_model.machine import Machine
+from crane_model.machine import LoadSensing, Machine
 from crane_model.model_file import Model
 from crane_model.progress_bar import Progress, silent
 
@@ -69,7 +69,6 @@ DISCRIMINATED_BY = {
 
 ASSUMED_MODULUS = 1.3e9  # Pa, mineral oil with hoses: where no cylinder of the machine tells
 LARGEST_SLEW = 0.01  # rad: beyond, the slew has drawn oil that nobody measured
-LARGEST_DROP_MARGINS = 2.0  # margins of the pump, that the drop at feeding edges may be
 OIL = ("bulk_modulus", "dead_volume_a", "dead_volume_b", "leakage")
 ASSUMED = ("hysteresis", "natural_frequency")
 LEVER_TOLERANCE = 1e-6  # levers of a joint that has one alone
@@ -349,24 +348,24 @@ SHARING_ROUNDS = 2  # of valves from loads, and loads from valves
 class HighestLoads:
     """p_L of each recording by its source: times (n,) [s] and pressures (n,) [Pa]."""
 
-    margin: float  # Pa, of the pump: what the drop is where no load is known
+    sensing: LoadSensing
     course: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
     def shared(self, part: Passage) -> Passage:
         """The passage with the drop at the edges that feed."""
         supply = part.pressures["supply_pressure"]
-        drop = np.full(len(part), self.margin)
+        drop = np.full(len(part), self.sensing.margin)  # where no load is known
         if part.source in self.course:
             load = np.interp(part.time, *self.course[part.source])
-            drop = np.clip(supply - load, 0.0, self.margin * LARGEST_DROP_MARGINS)
+            drop = np.clip(supply - load, 0.0, self.sensing.largest_drop)
         return replace(part, pressures={**part.pressures, METERING_DROP: drop})
 
 
 def highest_loads(
-    machine: Machine, joints: Sequence[str], logs: Sequence[Log], margin: float
+    machine: Machine, joints: Sequence[str], logs: Sequence[Log], sensing: LoadSensing
 ) -> HighestLoads:
     """From the valves of `joints`; those of which nothing can be told count as closed."""
-    loads = HighestLoads(margin, {})
+    loads = HighestLoads(sensing, {})
     for _ in range(SHARING_ROUNDS):
         fed: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         for joint in joints:
@@ -382,7 +381,7 @@ def highest_loads(
                 load = np.where(opened > 0.0, pressures["pressure_a"], pressures["pressure_b"])
                 course = row.passage.time, np.where(opened == 0.0, tank, load)
                 fed.setdefault(row.passage.source, []).append(course)
-        loads = HighestLoads(margin, {source: _highest(parts) for source, parts in fed.items()})
+        loads = HighestLoads(sensing, {source: _highest(parts) for source, parts in fed.items()})
     return loads
 
 
@@ -415,7 +414,7 @@ def identify_hydraulics(
     )
     blind = [joint for joint in machine.cylinders if joint not in sensed]
     sensing = machine.hydraulics.load_sensing
-    loads = highest_loads(machine, fitted, wanted, sensing.margin) if sensing else None
+    loads = highest_loads(machine, fitted, wanted, sensing) if sensing else None
     for number, joint in enumerate(fitted):
         try:
             found[joint] = identify_joint(machine, joint, wanted, period, _oil_of(found), loads)

@@ -17,6 +17,7 @@ from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.sensors import SensorChain
+from crane_observer.recording import AlignedEncoders
 
 # Rows of (28) from the instants of the smoother: both sides averaged over the same window.
 #
@@ -186,6 +187,9 @@ class OnlineEstimator:
 
     def reset(self) -> None:
         o, joints = self.options, len(self.model.joints)
+        machine = self.model.machine
+        latency = machine.latency(self.model.joints) if machine else np.zeros(joints)
+        self._aligned = AlignedEncoders(latency * NANOSECONDS)
         self.matcher = Matcher(round(o.largest_gap * NANOSECONDS))
         step = round(o.period * NANOSECONDS / INSTANTS)
         half = round(o.lag * NANOSECONDS) // step
@@ -206,7 +210,8 @@ class OnlineEstimator:
         if not np.isfinite(position).all():
             self.invalid += 1
             return []
-        return self._process(self.matcher.add_position(stamp, position))
+        time, position = self._aligned.at(stamp, position)
+        return self._process(self.matcher.add_position(round(time), position))
 
     def add_pressure(
         self, stamp: int, chamber_a: np.ndarray, chamber_b: np.ndarray

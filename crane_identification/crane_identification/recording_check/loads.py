@@ -20,6 +20,7 @@ from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
+from crane_model.sensors import at_one_time
 from crane_observer.payload.estimator import (
     HeldReadings,
     PayloadCondition,
@@ -325,9 +326,11 @@ def _changes(parts: Sequence[PayloadPart]) -> list[str]:
 def _weighings(scale: PayloadEstimator, log: Log) -> list[PayloadEstimate]:
     assert log.pressure_a is not None and log.pressure_b is not None
     position, a, b = log.position, log.pressure_a, log.pressure_b
+    latency = scale.machine.latency(scale.model.joints)
     chambers = np.concatenate([a.value, b.value], axis=1)
     return scale.recorded_estimates(
-        HeldReadings.of(position.time, position.value), HeldReadings.of(a.time, chambers)
+        HeldReadings.of(*at_one_time(position.time, position.value, latency)),
+        HeldReadings.of(a.time, chambers),
     )
 
 

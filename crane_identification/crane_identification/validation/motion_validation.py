@@ -17,9 +17,9 @@ from crane_model.cylinders import cylinder_force, cylinder_forces_from_generaliz
 from crane_model.errors import CraneError, DataError, RangeError
 from crane_model.hydraulics.simulation import (
     CraneState,
-    circuit_of,
     identified,
     simulate_openings,
+    simulated_circuit,
     substeps,
     valve_openings,
 )
@@ -184,7 +184,7 @@ def validate_commands(
     `ConfigurationError` if the model has no values or no hydraulics, `DataError` if the recordings
     hold no commands or pressures, or no window.
     """
-    circuit_of(model)  # says what is not identified, before any recording is prepared
+    simulated_circuit(model)  # says what is not identified, before any recording is prepared
     options = options or Options()
     whole = Options(begin=options.begin, end=options.end, average=False)
     return validate_runs(

@@ -1,6 +1,6 @@
 """`predictive_flow`: for valves that answer late, control of where a joint will be.
 
-A joint follows the speed v that its valve is opened for, `lag` L seconds later and beside what the
+A reading follows the speed v that a valve is opened for, `lag` L seconds later and beside what the
 model does not know, d:
 
     q'(t) = v(t - L) + d
@@ -9,12 +9,13 @@ An observer follows the readings with q0 and d; from them and from the speeds th
 way, the position L seconds ahead is predicted, and the error there is what the feedback sees:
 
     q0' = v(t - L) + d + l1 (q - q0),    d' = l2 (q - q0)
-    v = v_ref(t + L) + kv [q_ref(t + L) - q0 - int_{t-L}^t v - d L] - d
+    v = v_ref(t + M) + kv [q_ref(t + M) - q0 - int_{t-L}^t v - d L] - d
 
-This is finite spectrum assignment (Manitius and Olbrich 1979) with a disturbance observer. If model
-and lag are right, the dead time leaves the loop; `margins` tells how far both may be off. The
-inverse of its flow opens the valve: with load sensing, the drop at the edge that feeds is the
-margin of the pump, unless the load drives the piston; else it follows from the load of the model.
+with M the lag less the latency of the reading, when the command of now moves the joint. This is
+finite spectrum assignment (Manitius and Olbrich 1979) with a disturbance observer. If model and lag
+are right, the dead time leaves the loop; `margins` tells how far both may be off. The inverse of
+its flow opens the valve: with load sensing, the drop at the edge that feeds is the margin of the
+pump, unless the load drives the piston; else it follows from the load of the model.
 """
 
 import math
@@ -138,12 +139,13 @@ class PredictiveFlow:
             )
         known = identified(machine, hydraulics, joints)
         self._valves = known.records().view(np.recarray)
-        self.lag = np.array(known.lag)
+        self._late = np.array(known.lag)  # s, until a command moves its joint
+        self.lag = self._late + machine.latency(joints)  # s, until a reading shows it
         self.gains = tuple(predictor_gains(lag) for lag in self.lag)
         self.gains = tuple(gains._replace(kv=scale * gains.kv) for gains in self.gains)
         self._kv = np.array([gains.kv for gains in self.gains])
         self._l1, self._l2 = (np.array([gains[i] for gains in self.gains]) for i in (1, 2))
-        self.preview = float(self.lag.max())
+        self.preview = float(self._late.max())
         self.by_model = np.ones(len(joints), dtype=bool)
         sensing = machine.hydraulics.load_sensing
         self._drop = sensing.margin if sensing else None
@@ -278,15 +280,15 @@ class PredictiveFlow:
         return predicted, (due - before) / dt if dt > 0.0 else np.zeros(len(q))
 
     def _reference(self, newest: np.ndarray) -> np.ndarray:
-        """(3, j) position, velocity and load of the reference, of each joint its own lag ahead;
-        `newest` are those `preview` ahead.
+        """(3, j) position, velocity and load of the reference, of each joint when a command of now
+        moves it; `newest` are those `preview` ahead.
         """
         self._ahead.append((self._time, newest))
         while len(self._ahead) > 2 and self._ahead[1][0] < self._time - self.preview:
             self._ahead.popleft()
         times = np.array([at for at, _ in self._ahead])
         rows = np.array([row for _, row in self._ahead])
-        asked = self._time - (self.preview - self.lag)
+        asked = self._time - (self.preview - self._late)
         return np.array(
             [
                 [np.interp(at, times, rows[:, k, i]) for i, at in enumerate(asked)]

@@ -150,6 +150,7 @@ class MachineJoint(Schema):
     axis: Vector | None = None
     follows: Follows | None = None
     limits: JointLimits | None = None
+    latency: Annotated[float, Field(ge=0)] = 0.0  # s, by which its reading is older than its stamp
     actuator: Annotated[SerializeAsAny[Actuator], BeforeValidator(actuator_from_mapping)] | None = (
         None
     )

@@ -22,6 +22,8 @@ WEIGHED = ("S_FL_along", "S_SL_along", "m_TL")
 
 _KINDS = ("revolute", "revolute", "prismatic")
 _TOLERANCE = 1e-9  # rad, m
+USUAL_RANGE = 25e6  # Pa, of transducers
+LARGEST_DROP_MARGINS = 2.0  # margins of a pump with load sensing
 
 
 class JointRanges(NamedTuple):
@@ -138,6 +140,11 @@ class LoadSensing(Schema):
     margin: Positive  # Pa
     power: Positive  # W, most that the pump takes
 
+    @property
+    def largest_drop(self) -> float:
+        """The largest drop that a pump which is too slow leaves at edges that feed [Pa]."""
+        return LARGEST_DROP_MARGINS * self.margin
+
 
 class HydraulicSupply(Schema):
     """Supply of all hydraulic actuators [Pa gauge, m3/s]."""
@@ -145,6 +152,7 @@ class HydraulicSupply(Schema):
     supply_pressure: Positive
     relief_pressure: Positive
     tank_pressure: Annotated[float, Field(ge=0)]
+    transducer_range: Positive = USUAL_RANGE  # largest pressure that transducers show
     pump_flow: Positive
     load_sensing: LoadSensing | None = None
 
@@ -226,6 +234,11 @@ class Machine(Schema):
         rows = [self.limits[joint] for joint in named]
         names = ("position_min", "position_max", *JointRanges._fields[2:])
         return JointRanges(*(np.array([getattr(row, name) for row in rows]) for name in names))
+
+    def latency(self, joints: Sequence[str]) -> Array:
+        """(j,) by which the readings of joints are older than their stamps [s]."""
+        known = {joint.name: joint.latency for joint in self.joints}
+        return np.array([known[joint] for joint in joints])
 
     @cached_property
     def actuators(self) -> Mapping[str, Actuator]:

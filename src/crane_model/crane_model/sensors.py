@@ -18,6 +18,19 @@ def in_counts(q: Array, counts: Array) -> Array:
     return shown
 
 
+def at_one_time(time: Array, position: Array, latency: Array) -> tuple[Array, Array]:
+    """When joints were where their readings show them: times (n,) [s] and positions (n, j).
+
+    Readings (n, j) have stamps `time` (n,) [s] and are older by `latency` (j,) [s]. All are given
+    for the times of the oldest; younger ones are interpolated.
+    """
+    wait = latency.max() - latency
+    shown = position.copy()
+    for k in np.flatnonzero(wait):
+        shown[:, k] = np.interp(time - wait[k], time, position[:, k])
+    return time - latency.max(), shown
+
+
 @njit(cache=True, error_model="numpy")
 def _converted(pressure: Array, full_scale: float, step: float) -> Array:
     """Pressures (n,) limited to 0 and `full_scale`, in whole steps [Pa]."""

@@ -11,7 +11,7 @@ from crane_model.configuration import load, save
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model
 from crane_observer.monitor.replay import Heed, WatchedBag, draw, watch
-from crane_observer.monitor.tolerance import HOURS_PER_FALSE_ALARM, Tolerance, learn
+from crane_observer.monitor.tolerance import HOURS_PER_FALSE_ALARM, Tolerance, learn, unlearnt
 
 
 class SensorRequest(NamedTuple):
@@ -66,6 +66,8 @@ def _check(request: SensorRequest) -> None:
     tolerance = load(request.tolerance, Tolerance) if request.tolerance else None
     if model.hydraulics is None:
         print(f"hydraulics: none. {Heed.ALONE.value}")
+    elif tolerance is None and model.machine and model.machine.hydraulics.load_sensing:
+        print(f"tolerance: none. {Heed.UNLEARNT.value}")
     elif tolerance is None:
         print("tolerance: assumed, and wide; learn one from good recordings with --learn")
     watched = [watch(bag, model, tolerance) for bag in request.bag]
@@ -84,15 +86,15 @@ def _check(request: SensorRequest) -> None:
 def _learn(model: Model, bags: Sequence[Path], file: Path) -> None:
     if file.exists():
         raise ConfigurationError(f"{file}: is there already; name a new file")
-    sums = [watch(bag, model, None).sums for bag in bags]
+    sums = [watch(bag, model, unlearnt(model.joints)).sums for bag in bags]
     names = ", ".join(bag.name for bag in bags)
     tolerance = learn(model.joints, sums, f"learnt from {names}")
     save(file, tolerance)
     minutes = sum(np.ptp(recording.time) for recording in sums) / 60.0
     print(f"written: {file}, from {minutes:.1f} minutes")
     print(
-        f"an alarm begins at {tolerance.level:.0%} of the tolerance: expect one false alarm in "
-        f"{HOURS_PER_FALSE_ALARM:g} hours"
+        f"an alarm begins at {tolerance.level:.0%} of the tolerance, and at less with a longer "
+        f"recording: expect one false alarm in {HOURS_PER_FALSE_ALARM:g} hours"
     )
 
 

@@ -12,6 +12,7 @@ from crane_bags.reader import let_through, namespace_of, read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND, VALVE_OUTPUT
 from crane_model.array import Array
 from crane_model.errors import DataError
+from crane_model.sensors import at_one_time
 
 
 class EncoderReading(NamedTuple):
@@ -38,6 +39,33 @@ class CommandReading(NamedTuple):
 
 
 Reading: TypeAlias = EncoderReading | PressureReading | CommandReading
+
+
+class AlignedEncoders:
+    """Readings of j joints as they come, to positions at one time.
+
+    Parameters
+    ----------
+    latency
+        By which the readings are older than their stamps (j,), in the unit of these.
+    """
+
+    def __init__(self, latency: Array):
+        self._latency, self._wait = latency, float(np.ptp(latency))
+        self._held: list[EncoderReading] = []
+
+    def at(self, time: float, position: Array) -> EncoderReading:
+        """Return the positions (j,) that are known with a reading of `time`, and their time."""
+        if not self._latency.any():
+            return EncoderReading(time, position)
+        if self._held and time <= self._held[-1].time:
+            self._held.clear()
+        while len(self._held) > 1 and self._held[1].time <= time - self._wait:
+            self._held.pop(0)
+        self._held.append(EncoderReading(time, position))
+        times, positions = zip(*self._held, strict=True)
+        at, shown = at_one_time(np.array(times), np.array(positions), self._latency)
+        return EncoderReading(float(at[-1]), shown[-1])
 
 
 @dataclass(frozen=True)

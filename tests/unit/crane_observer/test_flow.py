@@ -118,3 +118,32 @@ def test_what_flows_grows_with_the_root_of_the_drop(command: float) -> None:
     flows = sums["flow"].T + np.array([leaked, -leaked])
     for wide, drop, flow in zip(sums["wide"].T, drops, flows, strict=True):
         assert wide * roots(drop) == pytest.approx(flow, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("supply", "other", "ratio"),
+    [
+        (12e6, 10e6, 1.0),  # 2 MPa over its own load as over the other
+        (16e6, 14e6, 1.0),  # its own drop would be 6 MPa, but the other load shares 2 MPa
+        (16e6, 15e6, 0.5**0.5),
+        (30e6, 1e6, 2.0**0.5),  # no more than the pump may leave
+    ],
+)
+def test_valves_that_share_a_pump_have_its_pressure_over_the_highest_load(
+    supply: float, other: float, ratio: float
+) -> None:
+    """The flow of one joint at 10 MPa, over that at 2 MPa; another joint is open as far."""
+    model = known()
+    circuit, spools = circuit_of(model), spools_of(model)._replace(largest_drop=4e6)
+    flows = []
+    for pressure, load in ((supply, other), (12e6, 10e6)):
+        commands, spool, sums = Commands.none(3), np.zeros(3, SPOOL), np.zeros(3, FLOW_SUMS)
+        spool["position"] = spool["edge"] = 1.0
+        commands.add(-1.0, spools.sense)
+        p = np.full((2, 3), 1e6)
+        p[0, 0], p[0, 1] = 10e6, load
+        add_interval(
+            circuit, spools, commands, spool, 0.0, 0.0, PERIOD, p, p, pressure, LARGEST, sums
+        )
+        flows.append(sums["flow"][0, 0])
+    assert flows[0] == pytest.approx(ratio * flows[1], rel=0.02)

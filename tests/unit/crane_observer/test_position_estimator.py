@@ -6,7 +6,7 @@ import numpy as np
 from unit.crane_observer.observed import JOINTS, at_work, known, recording
 
 from crane_observer import HeardRecording, PositionEstimator
-from crane_observer.position.estimator import EstimatorCondition
+from crane_observer.position.estimator import EstimatorCondition, ReadingNoise
 from crane_observer.position.replay import EstimatedCourse, replay
 
 ALL = np.ones(3, dtype=bool)
@@ -200,3 +200,18 @@ def test_it_costs_little_of_a_cycle() -> None:
     observed(ALL)
     assert (time.process_time() - begin) / len(recording().supply) < 5e-4
     assert known().joints == JOINTS
+
+
+def test_readings_tell_their_noise_and_their_rounding() -> None:
+    """Of white noise, of steps while the joint moves and rests, and of neither: the least."""
+    rng, t = np.random.default_rng(3), np.linspace(0.0, 20.0, 2000)
+    moves = np.where(t < 10.0, np.sin(t), np.sin(10.0))
+    shown = np.stack(
+        [moves + 1e-3 * rng.standard_normal(2000), 0.01 * np.round(moves / 0.01), moves]
+    )
+    noise = ReadingNoise(3, 1e-4)
+    for readings in shown.T:
+        noise.add(readings)
+    assert 0.8e-3 < noise.deviation[0] < 1.2e-3
+    assert 0.5 < noise.deviation[1] / (0.01 / np.sqrt(12.0)) < 2.0
+    assert noise.deviation[2] == 1e-4

@@ -11,7 +11,7 @@ from crane_bags.reader import let_through
 from crane_bags.types import CYLINDER_PRESSURES, DRIVER_STATE, VALVE_COMMAND
 from crane_model import DataError
 from crane_observer import HeardRecording
-from crane_observer.recording import reached
+from crane_observer.recording import AlignedEncoders, reached
 
 
 def test_commands_are_neutral_while_the_driver_lets_none_through() -> None:
@@ -68,3 +68,19 @@ def test_time_that_goes_back_is_told_and_refused_beyond_a_share(
     else:
         notes = HeardRecording.read(tmp_path / "bag", joints).notes
         assert len(notes) == 2 and all("time goes back 3 times" in note for note in notes)
+
+
+def test_readings_of_sensors_that_are_late_are_given_for_one_time() -> None:
+    """Joints at a constant speed, whose sensors are late by nothing, one and two and a half
+    readings; and a reading that no latency changes.
+    """
+    speed, latency = np.array([1.0, -2.0, 0.5]), np.array([0.0, 0.02, 0.05])
+    encoders = AlignedEncoders(latency)
+    for k in range(20):
+        time = 0.02 * k + 0.003 * (k % 2)
+        found = encoders.at(time, speed * (time - latency))
+        if k > 3:
+            assert found.time == pytest.approx(time - 0.05)
+            np.testing.assert_allclose(found.position, speed * found.time)
+    position = np.array([1.0, np.nan])
+    assert AlignedEncoders(np.zeros(2)).at(7.0, position).position is position

@@ -72,6 +72,20 @@ def test_every_command_is_heard_as_long_as_it_was_given(
             assert shown[joint] == (commands[k, joint] if k >= 0 else 0.0)
 
 
+def test_a_machine_at_rest_has_no_more_pressure_than_its_load_and_an_idle_pump_leave(
+    field: tuple[Machine, SimulatedCrane],
+) -> None:
+    """And stays where it is."""
+    machine, simulated = field
+    plant = Plant(simulated, machine, simulated.start, running=WARM_S)
+    assert machine.hydraulics.load_sensing is not None
+    idle = machine.hydraulics.load_sensing.margin + plant.tank_pressure
+    lower = np.minimum(plant.pressure_a, plant.pressure_b)
+    assert (lower >= plant.tank_pressure).all() and (lower <= idle).all()
+    plant.advance(np.zeros(4), 2.0)
+    np.testing.assert_allclose(plant.q, simulated.start, atol=1e-4)
+
+
 def steady_flows(plant: Plant, command: np.ndarray, seconds: float) -> np.ndarray:
     """(j,) mean flow into the chambers that are fed, over the last half [m3/s]."""
     flows = []

@@ -88,7 +88,7 @@ def simulate_openings(
     `ConfigurationError` if the model has no values, or no hydraulics of a joint; `RangeError` if
     the motion leaves the range in which a linkage can be assembled.
     """
-    asking = ModelMechanics(model, beside or {}, period, circuit_of(model))
+    asking = ModelMechanics(model, beside or {}, period, simulated_circuit(model))
     runs, joints = start.position.shape
     states = asking.memory(start)
     stretch = 1 if states else STRETCH_INSTANTS  # a memory is advanced from instant to instant
@@ -133,14 +133,20 @@ def settle(
         asked = course.position.copy()
 
 
-def circuit_of(model: Model) -> Circuit:
-    """Constants of the circuit; `ConfigurationError` if one is missing, or for load sensing."""
-    machine, known = identified(model)
+def simulated_circuit(model: Model) -> Circuit:
+    """As `circuit_of`, to simulate; `ConfigurationError` for load sensing, too."""
+    machine, _ = identified(model)
     if machine.hydraulics.load_sensing is not None:
         raise ConfigurationError(
-            f"model '{model.name}': {machine.name} has load sensing, but the circuit needs a "
+            f"model '{model.name}': {machine.name} has load sensing, but a simulation needs a "
             "supply whose pressure no load changes; use recordings, or the simulated crane"
         )
+    return circuit_of(model)
+
+
+def circuit_of(model: Model) -> Circuit:
+    """Constants of the circuit; `ConfigurationError` if one is missing."""
+    machine, known = identified(model)
     valves, oil = zip(*(_parts(model, known, joint) for joint in model.joints), strict=True)
     cylinders = [machine.cylinders[joint] for joint in model.joints]
     volumes = [cylinder.chambers for cylinder in cylinders]
@@ -280,7 +286,7 @@ class ModelMechanics:
     def cylinder(self, q: Array) -> Array:
         """(..., j, 3) length, lever arm and its derivative; `RangeError` outside the linkages."""
         machine, joints = self.model.machine, self.model.joints
-        assert machine is not None  # checked by `circuit_of`
+        assert machine is not None  # checked by `simulated_circuit`
         flat = q.reshape(-1, len(joints))
         parts = [machine.cylinder(joint, flat[:, j]) for j, joint in enumerate(joints)]
         cylinder = np.stack(parts, axis=1)
@@ -345,7 +351,7 @@ class IdentifiedSimulation:
         machine, known = identified(model)
         self.joints, self.time = model.joints, 0.0
         self._late = np.zeros(len(position)) if late is None else np.asarray(late, dtype=float)
-        self._circuit = circuit_of(model)
+        self._circuit = simulated_circuit(model)
         self._mechanics = ModelMechanics(model, {}, MAX_CYCLE_S, self._circuit)
         valves = [known.joints[joint].valve for joint in model.joints]
         names = "natural_frequency", "damping_ratio", "hysteresis", "dead_band_a", "dead_band_b"

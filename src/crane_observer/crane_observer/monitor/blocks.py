@@ -43,7 +43,6 @@ BLOCK = 0.05  # s; of sensors read at 200 Hz ten samples
 SHORTEST_PERIOD = 5e-3  # s, of samples at the highest rate
 SETTLING = 1.0  # s after the first sample or a gap, until it is known where the spools stand
 LONGEST_SAMPLE_GAP = 0.1  # s, beyond which nothing is known of what was between two samples
-LARGEST_BELIEVED = 2.5e7  # Pa
 FEEDING_DROOP = 1e4  # Pa, from which on the pump feeds a joint
 LARGEST_SURPLUS = 1e4  # Pa s: what is drawn in a second by which the supply droops FEEDING_DROOP
 ZEROS_AND_NOISE = 1e5  # Pa, by which a drop between two transducers may be off
@@ -257,13 +256,14 @@ class Blocks:
         self, since: float, last: Sample, sample: Sample, before: Array, shown: Array
     ) -> None:
         supply, spool = 0.5 * (last.supply + sample.supply), self._spool.copy()
+        largest = self.physics.machine.hydraulics.transducer_range
         for moved, begun, ended, sums in (
             (self._spool, before, shown, self._sums),
             (spool, before[::-1].copy(), shown[::-1].copy(), self._crossed_sums),
         ):
             add_interval(
                 self.physics.circuit, self.physics.spools, self._commands, moved, since,
-                last.time, sample.time, begun, ended, supply, LARGEST_BELIEVED, sums,
+                last.time, sample.time, begun, ended, supply, largest, sums,
             )  # fmt: skip
 
     def _block(self, samples: list[Sample]) -> FlowBlock:

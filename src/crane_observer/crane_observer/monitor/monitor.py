@@ -51,7 +51,8 @@ class SensorsAlone:
     def forget(self) -> None:
         """Begin anew: sensors were repaired."""
         joints, units = self._model.joints, self._model.setting.units
-        self.readings = ReadingWatch(joints, [units[joint] for joint in joints])
+        names = [units[joint] for joint in joints]
+        self.readings = ReadingWatch(joints, names, self._model.machine)
         self._standing, self._command = StandingWatch(len(joints)), np.zeros(len(joints))
         self.findings: list[SensorFinding] = []
         self._looked = -np.inf
@@ -129,7 +130,7 @@ class SensorComparison:
         self._blocks = Blocks(self.physics)
         self._history = History(self._trim)
         self._tolerance = self._learnt.copy()
-        self.readings = ReadingWatch(self.physics.joints, self._units)
+        self.readings = ReadingWatch(self.physics.joints, self._units, self.physics.machine)
         self._watched = np.ones(channels, dtype=bool)
         self._waiting: int | None = None
         self._span, self._since = 1, 0

@@ -8,14 +8,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from crane_model.array import Array, Flags
-from crane_observer.monitor.blocks import LARGEST_BELIEVED, LONGEST_SAMPLE_GAP, Sample
+from crane_model.machine import USUAL_RANGE, Machine
+from crane_observer.monitor.blocks import LONGEST_SAMPLE_GAP, Sample
 from crane_observer.monitor.finding import COVERED, SUPPLY, Part, SensorFinding, Wrong
 from crane_observer.position.flow import FULL_SCALE_SHARE
 
 LOOKED_AT = 60  # samples, 0.3 s at 200 Hz
 PINNED = 400  # samples, 2 s: longer than a load that swings keeps a chamber beyond what is shown
 LATELY = 12  # samples
-REPEATS = 0.7  # share of repeated readings, above which a sensor that repeats itself is nothing new
 USUAL_WEIGHT = 2e-4  # of each sample in what is usual: over 5000 of them
 FIRST_SAMPLES = 400  # before anything is usual
 DIFFERENCE = np.array([-4.0, 6.0, -4.0, 1.0])  # of the four readings before, newest first
@@ -50,27 +50,28 @@ class ReadingHabits:
         self._last = np.full((len(DIFFERENCE), sensors), np.nan)
         self._rough = np.full((LOOKED_AT, sensors), np.nan)
         self._same = np.zeros(sensors, dtype=np.int64)
-        self._usual_rough, self._usual_same, self._step = np.zeros((3, sensors))
+        self._usual_rough, self._step = np.zeros((2, sensors))
         self._count = 0
 
     def add(self, shown: Array) -> None:
         """Readings (s,) of one time; those with something that is no number do not count."""
         self._count += _note(
-            shown, self._count, self._last, self._rough, self._same, self._usual_rough,
-            self._usual_same, self._step,
+            shown, self._count, self._last, self._rough, self._same, self._usual_rough, self._step,
         )  # fmt: skip
 
     @property
     def stuck(self) -> Flags:
         """(s,) whether a flickering sensor has shown one value for LOOKED_AT, or PINNED."""
-        flickers = (self._usual_same < REPEATS) & (self._count > FIRST_SAMPLES)
         wanted = np.where(self._last[0] < self._full, LOOKED_AT, PINNED)
-        return np.asarray(flickers & (self._same >= wanted))
+        return np.asarray((self._count > FIRST_SAMPLES) & (self.repeated >= wanted))
 
     @property
     def repeated(self) -> Array:
-        """(s,) how many times the last reading was repeated."""
-        return self._same.astype(float)
+        """(s,) how many times the last reading was repeated; 0 of a sensor that does not flicker: a
+        step of its converter hides its noise, and a reading that stands says nothing.
+        """
+        flickers = (self._step > 0.0) & (self._usual_rough > ROUNDING * self._step)
+        return np.where(flickers, self._same, 0.0)
 
     @property
     def noise(self) -> Array:
@@ -100,7 +101,7 @@ class ReadingHabits:
 @njit(cache=True, error_model="numpy")
 def _note(
     shown: Array, count: int, last: Array, roughness: Array, same: NDArray[np.int64],
-    usual_rough: Array, usual_same: Array, step: Array,
+    usual_rough: Array, step: Array,
 ) -> int:  # fmt: skip
     """Take readings (s,) behind `count` others; return 0 if they do not count, else 1."""
     for value in shown:
@@ -119,8 +120,6 @@ def _note(
                 step[i] = change
             roughness[count % LOOKED_AT, i] = rough
             weight = max(USUAL_WEIGHT, 1.0 / count)
-            if same[i] < LOOKED_AT // 3:
-                usual_same[i] += weight * ((0.0 if changed else 1.0) - usual_same[i])
             if count >= FIRST_SAMPLES:
                 rough = min(rough, NOISIER * usual_rough[i] + step[i])
             usual_rough[i] += weight * (rough - usual_rough[i])
@@ -212,13 +211,15 @@ class StandingWatch:
 class ReadingWatch:
     """Watch of encoders, chambers A and B of j joints, and the supply, in this order."""
 
-    def __init__(self, joints: Sequence[str], units: Sequence[str]):
+    def __init__(self, joints: Sequence[str], units: Sequence[str], machine: Machine | None):
         """`units` (j,) of the encoders: rad or m."""
         parts = (Part.ENCODER, Part.PRESSURE_A, Part.PRESSURE_B)
         self.sensors = [(part, joint) for part in parts for joint in joints]
         self.sensors.append((Part.SUPPLY, SUPPLY))
         self._units, count = tuple(units), len(joints)
-        full = FULL_SCALE_SHARE * LARGEST_BELIEVED
+        supply = machine.hydraulics if machine else None
+        full = FULL_SCALE_SHARE * (supply.transducer_range if supply else USUAL_RANGE)
+        self._follows_load = bool(supply and supply.load_sensing)
         self._encoders = ReadingHabits(count)
         self._chambers, self._supply = ReadingHabits(2 * count, full), ReadingHabits(1, full)
         self._jumps = JumpWatch(count)
@@ -243,7 +244,9 @@ class ReadingWatch:
 
     @property
     def noisy_now(self) -> Flags:
-        return self._of_all("noisy_now")
+        noisy = self._of_all("noisy_now")
+        noisy[-1] &= not self._follows_load
+        return noisy
 
     @property
     def repeated(self) -> Array:
@@ -252,6 +255,7 @@ class ReadingWatch:
 
     def found(self, time: float) -> list[SensorFinding]:
         stuck, noisy = self._of_all("stuck"), self._of_all("noisy")
+        noisy[-1] &= not self._follows_load  # else the loads shake the supply
         found = self._jumped(time)
         for k, (part, _) in enumerate(self.sensors):
             frozen = bool(stuck[k]) and part is not Part.ENCODER  # at rest an encoder is quiet

@@ -13,7 +13,13 @@ from crane_observer.monitor.blocks import LONGEST_SAMPLE_GAP, KnownFlow, Sample
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.monitor import SensorComparison, SensorsAlone
 from crane_observer.monitor.tolerance import Added, Sums, Tolerance, of_block, summed, unlearnt
-from crane_observer.recording import CommandReading, EncoderReading, HeardRecording, PressureReading
+from crane_observer.recording import (
+    AlignedEncoders,
+    CommandReading,
+    EncoderReading,
+    HeardRecording,
+    PressureReading,
+)
 
 WAITING_PRESSURES = 100  # readings, that wait for an encoder
 
@@ -24,6 +30,10 @@ class Heed(Enum):
     WAITING = "waits for encoders, pressures and valve commands"
     WATCHING = "compares all sensors"
     ALONE = "the model holds no hydraulics: each sensor is watched by itself, none is compared"
+    UNLEARNT = (
+        "no tolerance is given for valves that share a pump: each sensor is watched by itself, "
+        "none is compared; learn a tolerance with check_sensors --learn"
+    )
     GAP = "readings are missing: compares again as soon as they come"
 
 
@@ -37,7 +47,8 @@ class SensorWatch:
     model
         Identified model; without hydraulics every sensor is watched by itself.
     tolerance
-        How far residuals go without a fault; by default a wide one is assumed.
+        How far residuals go without a fault; by default a wide one is assumed. Of valves that share
+        a pump none is assumed, and every sensor is watched by itself.
 
     Raises
     ------
@@ -60,12 +71,19 @@ class SensorWatch:
             physics = KnownFlow.of(model)
             self.monitor = SensorComparison(physics, tolerance or unlearnt(physics.joints))
             self._heed = Heed.WATCHING
+            if tolerance is None and physics.machine.hydraulics.load_sensing:
+                self.monitor, self._heed = SensorsAlone(model), Heed.UNLEARNT
         self.condition = Heed.WAITING
         self.refused = 0  # samples
         self.last_refusal = ""
+        latency = (
+            model.machine.latency(model.joints) if model.machine else np.zeros(len(model.joints))
+        )
+        self._aligned = AlignedEncoders(latency)
         self._encoders: list[EncoderReading] = []
+        self._read = -np.inf  # s, stamp of the newest
         self._pressures: list[PressureReading] = []
-        self._commanded = model.hydraulics is None  # commands are not asked for then
+        self._commanded = self._heed is not Heed.WATCHING  # else commands are asked for
 
     def add_command(self, time: float, command: Array) -> None:
         """Take valve commands (j,) [-1..1], in force from `time` [s] on."""
@@ -87,11 +105,12 @@ class SensorWatch:
         list of SensorFinding
             What they brought to light.
         """
-        if self._encoders and time <= self._encoders[-1].time:
+        if time <= self._read:
             self._refuse(f"encoders at {time:.4f} s: out of order or twice")
             return []
+        self._read = time
         self.monitor.readings.read_encoders(time, position)
-        self._encoders = [*self._encoders[-1:], EncoderReading(time, position)]
+        self._encoders = [*self._encoders[-1:], self._aligned.at(time, position)]
         return self._complete()
 
     def add_pressures(
@@ -191,7 +210,7 @@ def compare(recording: HeardRecording, model: Model, tolerance: Tolerance | None
             blocks.append(of_block(block))
             times.append(block.time)
             taken.append(monitor.taken)
-    if model.hydraulics is None and watched.condition is Heed.ALONE:
+    if watched.condition in (Heed.ALONE, Heed.UNLEARNT):
         sums = Sums.zeros(0, 2 * len(model.joints) + 1)
     elif not blocks:
         why = watched.last_refusal or Heed.WAITING.value

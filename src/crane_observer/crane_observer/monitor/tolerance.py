@@ -370,18 +370,23 @@ def level(largest: Array, windows: float) -> float:
     """Level that a statistic exceeds once in `windows`, from the largest (n,) in each of n.
 
     Values above a high threshold u are distributed exponentially beyond it (the generalized Pareto
-    law of shape 0, to which the maxima of most distributions come: Pickands 1975), so that once in
-    N windows it exceeds u + m log(N s), with s the share of windows above u, and m their mean
-    excess over it. `ValueError` if no level exists.
+    law of shape 0, to which the maxima of most distributions come: Pickands 1975). Its mean is told
+    by the mean excess m of k windows alone: of another window, the excess is beyond x by
+    (1 + x/(k m))^-k, the predictive distribution with the prior that no scale is preferred. So once
+    in N windows it exceeds u + k m ((N s)^(1/k) - 1), with s the share of windows above u: from
+    few windows the level is high, from many it falls to u + m log(N s). `ValueError` if no level
+    exists.
     """
-    if not len(largest):
-        raise ValueError("level: no window to determine it from; at least one is needed")
-    high = min(max(round(HIGH_SHARE * len(largest)), FEWEST_HIGH), len(largest))
+    if len(largest) < 2:
+        raise ValueError(
+            f"level: {len(largest)} windows to determine it from; at least two are needed"
+        )
+    high = min(max(round(HIGH_SHARE * len(largest)), FEWEST_HIGH), len(largest) - 1)
     ordered = np.sort(largest)
-    above = ordered[-high:]
-    threshold = ordered[-high - 1] if high < len(ordered) else ordered[0]
+    above, threshold = ordered[-high:], ordered[-high - 1]
     rate = high / len(largest)
-    return float(threshold + np.mean(above - threshold) * max(math.log(windows * rate), 0.0))
+    times = high * math.expm1(max(math.log(windows * rate), 0.0) / high)
+    return float(threshold + np.mean(above - threshold) * times)
 
 
 def _level(recordings: Sequence[Sums]) -> float:

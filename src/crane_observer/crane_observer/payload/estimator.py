@@ -33,7 +33,7 @@ from crane_observer.payload.filter import (
 from crane_observer.payload.flow_check import FlowCheck
 from crane_observer.payload.hypotheses import LoadHypotheses
 from crane_observer.position.state import STANDING
-from crane_observer.recording import CommandReading, EncoderReading, HeardRecording
+from crane_observer.recording import AlignedEncoders, CommandReading, EncoderReading, HeardRecording
 
 PAYLOAD_WINDOW = 0.3  # s
 HOP = 0.15  # s from one window to the next
@@ -248,11 +248,11 @@ class PayloadEstimator:
         self._hypotheses = LoadHypotheses(doubt, joints)
         self._lightest = LIGHTEST_SHARE * doubt.unknown  # kg
         self._worst = WORST_SHARE * doubt.unknown
-        shared = self.machine.hydraulics.load_sensing  # its drops at the valves are not known
-        self._flow = FlowCheck(model) if model.hydraulics and not shared else None
+        self._flow = FlowCheck(model) if model.hydraulics else None
         self._wrong_since = np.full(joints, np.inf)  # s, of an encoder that was found faulty
         self._wrong_pressures = np.zeros(joints, dtype=bool)
         self._standing = STANDING * self.machine.ranges(model.joints).slower_speed
+        self._aligned = AlignedEncoders(self.machine.latency(model.joints))
         self.pressures, self.encoders = HeldReadings(2 * joints), HeldReadings(joints)
         self.estimates = HeldReadings(3 * joints)
         self._end, self._estimated_until, self._compared = np.nan, np.nan, -np.inf
@@ -294,7 +294,7 @@ class PayloadEstimator:
 
     def add_encoders(self, time: float, position: Array) -> None:
         """Readings [rad, m]; NaN of a joint whose encoder is not to be believed."""
-        self.encoders.add(time, position)
+        self.encoders.add(*self._aligned.at(time, position))
 
     def add_estimate(self, time: float, position: Array, velocity: Array, deviation: Array) -> None:
         """What the position estimator tells, for joints without encoder [rad, m]."""

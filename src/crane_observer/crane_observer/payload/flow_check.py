@@ -12,7 +12,6 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.model_file import Model
 from crane_observer.position.balance import Known, stroke_of
-from crane_observer.position.estimator import LARGEST_SHOWN
 from crane_observer.position.flow import FLOW_SUMS, SPOOL, Commands, add_interval, spools_of
 from crane_observer.position.state import FlowWindow
 
@@ -38,6 +37,7 @@ class FlowCheck:
         self._share = FLOW_TOLERANCE + UNEXPLAINED_TIMES * unexplained
         self._share[self._known.assumed] = np.inf
         self._supply = self._known.circuit.supply_pressure
+        self._largest = self._known.mechanics.machine.hydraulics.transducer_range
         self._off = np.zeros(joints)  # m of the piston
         self._speed = np.zeros(joints)  # m/s of the piston, by flow
 
@@ -61,7 +61,7 @@ class FlowCheck:
         for k in range(len(time) - 1):
             add_interval(
                 known.circuit, self._spools, self._commands, self._spool, time[0], time[k],
-                time[k + 1], chambers[k], chambers[k + 1], self._supply, LARGEST_SHOWN, sums,
+                time[k + 1], chambers[k], chambers[k + 1], self._supply, self._largest, sums,
             )  # fmt: skip
         duration = float(time[-1] - time[0])
         window = FlowWindow(

@@ -139,7 +139,8 @@ class Known:
     low: Array  # (j,) the ends of each joint
     high: Array  # (j,)
     fastest: Array  # (j,) that each may move
-    resolution: Array  # (j,) standard deviation of an encoder
+    resolution: Array  # (j,) standard deviation of an encoder, as far as it is known by now
+    reading: Array  # (j,) Pa, the same of a pressure
     trust: Trust
     flow: Array  # (j,) share of the deviations of flow that its identification leaves
     null: Array  # (j,) of the stroke, standard deviation of the null of each valve
@@ -160,6 +161,7 @@ class Known:
             ranges.high,
             ranges.slower_speed,
             resolution,
+            np.full(len(model.joints), trust.reading),
             trust,
             flow,
             # the deviation of a small flow is mostly noise
@@ -278,7 +280,7 @@ def moved(known: Known, x: Array, q: Array, window: FlowWindow) -> Moved:
     noise = ((known.stroke * made.stroke) ** 2 + WHITE_SHARE * made.doubt**2) / after[1] ** 2
     noise = noise + (known.standing * window.duration) ** 2 * 1e-4
     noise = noise + (known.fastest * window.blind) ** 2
-    jitter, doubt = known.trust.reading * made.jitter, made.doubt
+    jitter, doubt = known.reading * made.jitter, made.doubt
     return Moved(displacement, slopes, noise, jitter / np.abs(after[1]), doubt / np.abs(after[1]))
 
 
@@ -443,7 +445,7 @@ def balance_rows(
     # a joint that sticks and slips does so within a window
     slips = np.maximum(shaken, SLIP * np.abs(pair.acceleration))
     shaken = mass * np.where(motions.passing, slips, shaken)
-    read = READING_NOISE_LEFT * trust.reading
+    read = READING_NOISE_LEFT * known.reading
     noise = (
         by_pressure**2 * (trust.noise**2 + read**2)
         + (trust.inertia * (mass @ pair.acceleration)) ** 2

@@ -28,11 +28,13 @@ PRESSURE_GAP = 0.1  # s without pressures, which are then lost
 STALE_ENCODER = 0.1  # s, of a reading of an encoder that still counts
 SILENT = 0.5  # s without a command, after which the valves count as closed; or without supply
 NEUTRAL = 1e-6  # of the stroke
-ENCODER_DEVIATION = 1e-4  # rad or m, of a reading
+ENCODER_DEVIATION = 1e-4  # rad or m, of a reading, at least
+THIRD_DIFFERENCE = 20.0  # variance of third differences of white noise, over its own
+NOISE_READINGS = 1000  # that tell the noise
+OUTLYING_READING = 5.0  # standard deviations of noise, of which no more count
 START_DEVIATION = 1e-3  # rad or m, of a start that is known
 LOOK_BACK = 100  # windows, that can be gone through again
 LOAD_CERTAIN = 3.0  # standard deviations
-LARGEST_SHOWN = 25e6  # Pa, by a transducer whose range nobody states
 
 
 class EstimatorCondition(Enum):
@@ -52,6 +54,34 @@ class EstimatorCondition(Enum):
     )
     SEARCHING = "start not known: several poses are possible"
     LOAD_IMPOSSIBLE = "forces ask for a load that cannot hang at the tip: do not believe it"
+
+
+class ReadingNoise:
+    """White noise of the readings of s sensors, by their third differences: motion is smooth.
+
+    Readings that repeat do not count: a joint that rests tells nothing of rounding.
+    """
+
+    def __init__(self, sensors: int, least: float):
+        self.deviation = np.full(sensors, least)
+        self._least, self._count = least, np.zeros(sensors)
+        self._variance = np.zeros(sensors)
+        self._last: deque[Array] = deque(maxlen=4)
+
+    def add(self, shown: Array) -> None:
+        """Take readings (s,); NaN of a sensor without one."""
+        self._last.append(shown)
+        if len(self._last) < 4:
+            return
+        third = np.array([-1.0, 3.0, -3.0, 1.0]) @ np.array(self._last)
+        square = third**2 / THIRD_DIFFERENCE
+        counted = np.isfinite(square) & (square > 0.0)
+        known = self._count > THIRD_DIFFERENCE
+        square = np.where(known, np.minimum(square, OUTLYING_READING**2 * self._variance), square)
+        self._count += counted
+        weight = counted / np.clip(self._count, 1.0, NOISE_READINGS)
+        self._variance += weight * (np.where(counted, square, 0.0) - self._variance)
+        self.deviation[:] = np.maximum(self._least, np.sqrt(self._variance))
 
 
 class WindowEstimate(NamedTuple):
@@ -78,8 +108,6 @@ class PositionEstimator:
         Standard deviation of the start [rad, m].
     trust
         How far the model is trusted; by default as its standard deviations deserve.
-    largest
-        What a pressure transducer shows at most [Pa].
     heaviest
         The heaviest load that may hang at the tip [kg].
 
@@ -95,12 +123,13 @@ class PositionEstimator:
         position: Array,
         deviation: float = START_DEVIATION,
         trust: Trust | None = None,
-        largest: float = LARGEST_SHOWN,
         heaviest: float = HEAVIEST,
     ):
-        self.model, self._largest, self._heaviest = model, largest, heaviest
+        self.model, self._heaviest = model, heaviest
         joints = len(model.joints)
-        known = Known.of(model, np.full(joints, ENCODER_DEVIATION), trust)
+        self._noise = ReadingNoise(joints, ENCODER_DEVIATION)
+        known = Known.of(model, self._noise.deviation, trust)
+        self._pressure_noise = ReadingNoise(2 * joints, known.trust.reading)
         self._known, self._spools = known, spools_of(known.mechanics.model)
         self._commands, self._spool = Commands.none(joints), np.zeros(joints, SPOOL)
         self._hypotheses = Hypotheses(known, position, np.full(joints, deviation))
@@ -112,6 +141,8 @@ class PositionEstimator:
         self._supply, self._supplied = known.circuit.supply_pressure, np.nan
         self._blind, self._silenced = 0.0, False
         self._commanded, self._command = -np.inf, np.zeros(joints)
+        self._latency = self.machine.latency(model.joints)
+        self._largest = self.machine.hydraulics.transducer_range
         self._encoder_time = np.full(joints, -np.inf)
         self._encoder = np.full(joints, np.nan)
         self._once_measured = np.zeros(joints, dtype=bool)
@@ -146,9 +177,11 @@ class PositionEstimator:
         position
             Positions (j,) [rad, m]; NaN of a joint without encoder.
         """
-        newer = np.isfinite(position) & (time > self._encoder_time) & ~self._distrusted
+        self._noise.add(position)
+        shown = time - self._latency
+        newer = np.isfinite(position) & (shown > self._encoder_time) & ~self._distrusted
         self._encoder = np.where(newer, position, self._encoder)
-        self._encoder_time = np.where(newer, time, self._encoder_time)
+        self._encoder_time = np.where(newer, shown, self._encoder_time)
         self._once_measured |= newer
 
     def distrust(self, joint: int, since: float) -> None:
@@ -225,6 +258,8 @@ class PositionEstimator:
             return None
         if np.isfinite(supply):
             self._supply, self._supplied = supply, time
+        self._pressure_noise.add(now.ravel())
+        np.max(self._pressure_noise.deviation.reshape(2, -1), axis=0, out=self._known.reading)
         passed = time - self._newest
         if passed > PRESSURE_GAP:
             self._blind += passed

@@ -147,6 +147,7 @@ class Spools(NamedTuple):
     play: Array  # (j,)
     dead_band_a: Array  # (j,)
     dead_band_b: Array  # (j,)
+    largest_drop: float  # Pa at edges that feed, if load sensing keeps them equal; else infinite
 
 
 def spools_of(model: Model) -> Spools:
@@ -162,7 +163,9 @@ def spools_of(model: Model) -> Spools:
             (sense, valve.delay, valve.spool_frequency, valve.damping_ratio.value,
              valve.hysteresis.value, valve.dead_band_a.value, valve.dead_band_b.value)
         )  # fmt: skip
-    return Spools(*np.array(rows, dtype=float).T.copy())
+    sensing = machine.hydraulics.load_sensing
+    largest = sensing.largest_drop if sensing else math.inf
+    return Spools._make([*np.array(rows, dtype=float).T.copy(), largest])
 
 
 class Commands(NamedTuple):
@@ -200,6 +203,24 @@ def _in_force(commands: Commands, j: int, time: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def _shared_drop(
+    circuit: Circuit, spools: Spools, spool: np.ndarray, now: Array, supply: float
+) -> float:
+    """Drop at all edges that feed [Pa], from pressures `now` (2, j); infinite if each has its own.
+
+    It is the supply pressure over the highest of the chambers that are fed.
+    """
+    if math.isinf(spools.largest_drop):
+        return math.inf
+    highest = circuit.tank_pressure
+    for j in range(len(spool)):
+        o = opening(spool[j].edge, spools.dead_band_a[j], spools.dead_band_b[j])
+        if o != 0.0:
+            highest = max(highest, now[0, j] if o > 0.0 else now[1, j])
+    return min(max(supply - highest, 0.0), spools.largest_drop)
+
+
+@njit(cache=True, error_model="numpy")
 def add_interval(
     circuit: Circuit, spools: Spools, commands: Commands, spool: np.ndarray, since: float,
     begin: float, end: float, before: Array, after: Array, supply: float, largest: float,
@@ -212,6 +233,7 @@ def add_interval(
     interval, and `largest` [Pa] what a transducer can show.
     """
     step = (end - begin) / PARTS_PER_INTERVAL
+    drop = _shared_drop(circuit, spools, spool, after, supply)
     for j in range(len(spools.sense)):
         total, moved = sums[j], spool[j]
         for chamber in range(2):
@@ -237,7 +259,8 @@ def add_interval(
             p_a = before[0, j] + share * (after[0, j] - before[0, j])
             p_b = before[1, j] + share * (after[1, j] - before[1, j])
             o = opening(z, spools.dead_band_a[j], spools.dead_band_b[j])
-            q_a, slope_a, q_b, slope_b = chamber_flows(circuit, j, o, p_a, p_b, supply)
+            source = min(supply, (p_a if o > 0.0 else p_b) + drop)
+            q_a, slope_a, q_b, slope_b = chamber_flows(circuit, j, o, p_a, p_b, source)
             leak = circuit.leakage[j] * (p_a - p_b)
             total.flow[0] += step * (q_a - leak)
             total.flow[1] += step * (q_b + leak)
@@ -249,7 +272,7 @@ def add_interval(
             dead = spools.dead_band_a[j] if z > 0.0 else spools.dead_band_b[j]
             if math.fabs(math.fabs(z) - dead) < spools.play[j]:  # open or shut is not sure
                 wide = math.copysign(spools.play[j] / (1.0 - dead), z)
-                edge_a, _, edge_b, _ = chamber_flows(circuit, j, wide, p_a, p_b, supply)
+                edge_a, _, edge_b, _ = chamber_flows(circuit, j, wide, p_a, p_b, source)
                 total.edge[0] += step * math.fabs(edge_a)
                 total.edge[1] += step * math.fabs(edge_b)
             if o == 0.0:
@@ -260,7 +283,7 @@ def add_interval(
             total.sooner[0] += (moved.edge - stood) * by_z_a
             total.sooner[1] += (moved.edge - stood) * by_z_b
             total.extending += step if o > 0.0 else -step
-            beyond_a, beyond_b = supply, circuit.tank_pressure
+            beyond_a, beyond_b = source, circuit.tank_pressure
             gain_a, gain_b = circuit.supply_a[j], -circuit.b_tank[j]
             if o < 0.0:
                 beyond_a, beyond_b = beyond_b, beyond_a

@@ -250,7 +250,8 @@ class Plant:
 
     It starts at rest with centred spools and chamber pressures that carry gravity; the two
     pressures of a cylinder then add up to the supply pressure where that is possible, as a valve
-    with equal metering edges leaves them. Nothing in it is random: noise is in the sensors.
+    with equal metering edges leaves them; with load sensing, to that of an idle pump. Nothing in it
+    is random: noise is in the sensors.
 
     Parameters
     ----------
@@ -393,7 +394,9 @@ class Plant:
         tank, supply = self.tank_pressure, self.machine.hydraulics.supply_pressure
         area_a, area_b = constants.cylinders["area_a"], constants.cylinders["area_b"]
         piston = (scratch.bias - scratch.force) / actuators["lever"]
-        p_a = (piston + area_b * (supply + tank)) / (area_a + area_b)
+        sensing = self.machine.hydraulics.load_sensing
+        left = supply if sensing is None else sensing.margin + tank
+        p_a = (piston + area_b * (left + tank)) / (area_a + area_b)
         p_a = np.clip(p_a, np.maximum(tank, (piston + area_b * tank) / area_a), supply)
         p_b = (area_a * p_a - piston) / area_b
         held = (tank <= p_a) & (p_a <= supply) & (tank <= p_b) & (p_b <= supply)

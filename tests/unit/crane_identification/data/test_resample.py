@@ -47,6 +47,18 @@ def test_asynchronous_signals_meet_on_one_time_base(seed: int, offset: float) ->
     assert (samples.run == 0).all()
 
 
+def test_positions_that_are_late_meet_the_pressures_of_their_time() -> None:
+    """Each joint by its own latency, up to the last time at which all are known."""
+    latency = np.array([0.03, 0.0])
+    time, pressure = jittered(400, 1), line(jittered(400, 2))
+    shown = np.column_stack([2.0 * (time - 0.03), 1.0 - time])
+    samples = resample(log_of(Signal(time, shown, "", latency=latency), pressure))
+    truth = np.column_stack([2.0 * samples.time, 1.0 - samples.time])
+    np.testing.assert_allclose(samples.position, truth, atol=1e-8)
+    np.testing.assert_allclose(samples.pressure_a, truth, atol=1e-8)
+    assert samples.time[-1] > min(time[-1], pressure.time[-1]) - 0.03 - 1.0 / RATE
+
+
 def test_uniform_signals_come_through_unchanged() -> None:
     time = np.arange(1000) / 1000.0
     value = np.random.default_rng(0).normal(size=(1000, 1))

@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 from crane_identification.hydraulics.balance import METERING_DROP, ChamberRows, Passage, SpoolValues
-from crane_identification.hydraulics.joint_estimate import (
-    LARGEST_DROP_MARGINS,
-    HighestLoads,
-    early_spool,
-)
+from crane_identification.hydraulics.joint_estimate import HighestLoads, early_spool
 from crane_identification.hydraulics.projection import BalanceFit
 from crane_model import load_machine
 from crane_model.hydraulics import Measured
+from crane_model.machine import LoadSensing
 
 MARGIN, TANK, STEP_S = 2.0e6, 0.3e6, 0.02
+SENSING = LoadSensing(margin=MARGIN, power=1e5)
 MACHINE = load_machine("field_excavator")
 OPEN = SpoolValues(lag=0.02, share=0.5, dead_band_a=0.1, dead_band_b=0.1, play=0.0)
 
@@ -42,15 +40,15 @@ def test_the_drop_is_supply_over_the_highest_load() -> None:
     """Which another joint has; above the supply, a load leaves none."""
     time = np.array([0.0, 4.0, 4.001, 8.0, 8.001, 20.0])
     load = np.array([1.35e7, 1.35e7, 1.6e7, 1.6e7, 0.3e6, 0.3e6])
-    shared = HighestLoads(MARGIN, {"bag": (time, load)}).shared(passage(0.5))
+    shared = HighestLoads(SENSING, {"bag": (time, load)}).shared(passage(0.5))
     drop = shared.pressures[METERING_DROP]
     assert drop[100] == pytest.approx(1.5e6)
     assert drop[300] == 0.0
-    assert drop[450] == LARGEST_DROP_MARGINS * MARGIN
+    assert drop[450] == SENSING.largest_drop
 
 
 def test_a_recording_of_which_no_load_is_known_has_the_margin() -> None:
-    drop = HighestLoads(MARGIN, {}).shared(passage(0.5)).pressures[METERING_DROP]
+    drop = HighestLoads(SENSING, {}).shared(passage(0.5)).pressures[METERING_DROP]
     assert (drop == MARGIN).all()
 
 
@@ -63,7 +61,7 @@ def test_edges_that_feed_pass_by_that_drop_and_returns_by_their_own(
     cylinder = MACHINE.cylinders["boom"]
     flows = []
     for load in (1.35e7, 1.2e7):
-        loads = HighestLoads(MARGIN, {"bag": (time, np.full(2, load))})
+        loads = HighestLoads(SENSING, {"bag": (time, np.full(2, load))})
         rows = ChamberRows(loads.shared(passage(command)), cylinder)
         columns = rows.columns(OPEN)[len(rows.time) // 2]
         flows.append(columns[:, :4].sum(axis=0))
@@ -79,7 +77,7 @@ def test_a_chamber_that_is_fed_is_at_most_the_highest_load() -> None:
     time, cylinder = np.array([0.0, 20.0]), MACHINE.cylinders["boom"]
     flows = []
     for load, p_a in ((1.35e7, 1.0e7), (0.3e6, 1.35e7)):
-        loads = HighestLoads(MARGIN, {"bag": (time, np.full(2, load))})
+        loads = HighestLoads(SENSING, {"bag": (time, np.full(2, load))})
         part = passage(0.5)
         part = replace(part, pressures={**part.pressures, "pressure_a": np.full(500, p_a)})
         rows = ChamberRows(loads.shared(part), cylinder)
@@ -91,7 +89,7 @@ def test_a_chamber_that_is_fed_is_at_most_the_highest_load() -> None:
 def test_a_drop_that_transducers_hardly_tell_from_none_does_not_count() -> None:
     time, cylinder = np.array([0.0, 20.0]), MACHINE.cylinders["boom"]
     for load, counts in ((1.45e7, True), (1.48e7, False)):
-        shared = HighestLoads(MARGIN, {"bag": (time, np.full(2, load))}).shared(passage(0.5))
+        shared = HighestLoads(SENSING, {"bag": (time, np.full(2, load))}).shared(passage(0.5))
         assert ChamberRows(shared, cylinder).columns(OPEN).any() == counts
 
 

@@ -23,17 +23,27 @@ def test_the_level_is_the_quantile_of_what_is_rare(name: str) -> None:
     law, rng = LAWS[name], np.random.default_rng(7)
     levels = [level(law.rvs(150, random_state=rng), ONCE_IN) for _ in range(300)]
     low, spread = law.isf(1.0 / ONCE_IN), law.isf(1.0 / ONCE_IN) - law.median()
-    assert low - 0.05 * spread < np.median(levels) < low + 0.35 * spread
+    assert low - 0.05 * spread < np.median(levels) < low + 0.45 * spread
 
 
-def test_alarms_are_as_far_apart_as_wanted() -> None:
-    """The mean time between them, over many recordings, within a factor of 1.5 of the wanted."""
+@pytest.mark.parametrize("windows", [6, 12, 30, 150, 2000])
+def test_alarms_are_as_far_apart_as_wanted(windows: int) -> None:
+    """The mean rate over many recordings, of a minute or of hours, within a factor of 1.5."""
     law, rng = stats.expon(), np.random.default_rng(8)
-    rates = [law.sf(level(law.rvs(2000, random_state=rng), ONCE_IN)) for _ in range(200)]
+    rates = [law.sf(level(law.rvs(windows, random_state=rng), ONCE_IN)) for _ in range(2000)]
     assert 1.0 / 1.5 < np.mean(rates) * ONCE_IN < 1.5
 
 
-values = arrays(float, st.integers(1, 40), elements=st.floats(0.0, 10.0))
+def test_the_level_falls_as_the_recording_grows() -> None:
+    law, rng = stats.expon(), np.random.default_rng(9)
+    levels = [
+        np.median([level(law.rvs(windows, random_state=rng), ONCE_IN) for _ in range(300)])
+        for windows in (6, 30, 150, 2000)
+    ]
+    assert (np.diff(levels) < 0.0).all()
+
+
+values = arrays(float, st.integers(2, 40), elements=st.floats(0.0, 10.0))
 
 
 @given(values, st.floats(0.1, 10.0), st.floats(-5.0, 5.0), st.floats(1.0, 1e6))
@@ -43,9 +53,9 @@ def test_units_do_not_matter_and_longer_is_higher(
     found = level(largest, windows)
     assert level(unit * largest + zero, windows) == pytest.approx(unit * found + zero, abs=1e-6)
     assert level(largest, 2.0 * windows) >= found
-    assert level(largest, max(windows, len(largest))) <= largest.max() + np.ptp(largest) * 14.0
 
 
-def test_nothing_is_told_from_nothing() -> None:
-    with pytest.raises(ValueError, match="at least one is needed"):
-        level(np.zeros(0), ONCE_IN)
+@pytest.mark.parametrize("windows", [0, 1])
+def test_nothing_is_told_from_next_to_nothing(windows: int) -> None:
+    with pytest.raises(ValueError, match=f"{windows} windows .* at least two are needed"):
+        level(np.zeros(windows), ONCE_IN)

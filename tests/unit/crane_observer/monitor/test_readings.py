@@ -65,7 +65,7 @@ def test_a_reading_that_is_missing_spoils_nothing() -> None:
 def test_a_transducer_at_its_end_is_stuck_only_if_it_stays(
     held: float, lasting: int, stuck: bool
 ) -> None:
-    watched = ReadingWatch(["boom"], ["rad"])
+    watched = ReadingWatch(["boom"], ["rad"], None)
     rng = np.random.default_rng(6)
     shown = 1e7 + 1e4 * rng.standard_normal((1000, 3))
     shown[-1 - lasting :, 1] = held
@@ -75,3 +75,20 @@ def test_a_transducer_at_its_end_is_stuck_only_if_it_stays(
     assert [(finding.part, finding.kind) for finding in found] == [
         (Part.PRESSURE_B, Wrong.STUCK)
     ] * stuck
+
+
+@pytest.mark.parametrize(("noise", "stuck"), [(0.2, False), (0.5, True)])
+def test_a_reading_that_stands_says_nothing_if_a_step_hides_the_noise(
+    noise: float, stuck: bool
+) -> None:
+    """A pressure that swings, and then rests in the middle of a step; noise in steps."""
+    rng, t = np.random.default_rng(5), np.arange(2000)
+    swings = np.where(t < 1500, 20.0 * np.sin(0.05 * t), 0.0)
+    shown = np.round(swings + noise * rng.standard_normal(len(t)))
+    shown[1500:] = 0.0
+    habits = ReadingHabits(1)
+    told = []
+    for value in shown:
+        habits.add(np.array([value]))
+        told.append(bool(habits.stuck[0]))
+    assert any(told) == stuck and not any(told[:1500])
