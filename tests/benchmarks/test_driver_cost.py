@@ -12,15 +12,13 @@ from contextlib import contextmanager
 
 from benchmarks.speed import loop_time, scaled
 
+from crane_driver import MachineCodec, load_layout, load_safety
 from crane_driver.can.assembly import LEARNING_FRAMES
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, joint_state, valve_output
-from crane_driver.safety.commands import load_safety
 from crane_driver.safety.supervisor import SafetyState
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.this_computer import ProcessorTime
 
