@@ -264,5 +264,4 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
             "forces",
             f"the model leaves {left:.0%} of them",
             "the model lacks something, or several signs, zeros or units are wrong",
-            decisive=False,
         )

@@ -52,7 +52,6 @@ def clocks(log: Log) -> Iterator[Suspicion]:
             f"stamps drift by {states.drift:+.2%} against the clock of the recorder",
             "the clock that stamps is wrong, or the bag was recorded from one played at another "
             "rate; velocities are wrong by as much",
-            decisive=False,
         )
     for signal in (log.pressure_a, log.force, log.command):
         lag = signal and _lag(signal)
@@ -73,7 +72,6 @@ def clocks(log: Log) -> Iterator[Suspicion]:
                 apart.origin,
                 f"received {abs(apart.offset):.3f} s {side} than its stamps say {against}",
                 "one of the two is sent late, which does no harm, or stamped by another clock",
-                decisive=False,
             )
 
 
@@ -156,7 +154,6 @@ def _gaps(signal: Signal) -> Iterator[Suspicion]:
         signal.origin,
         evidence,
         f"samples are missing; its {len(found) + 1} parts are used one by one",
-        decisive=False,
     )
 
 
@@ -278,7 +275,6 @@ def _speed(
             f"speeds from {down:.3g} to {up:.3g} {unit}/s, but the machine file allows "
             f"{allowed.velocity_min:g} to {allowed.velocity_max:g} {unit}/s",
             "positions or times have another unit, or the machine file is of another machine",
-            decisive=False,
         )
 
 
@@ -291,5 +287,4 @@ def _steps(machine: Machine, joint: str, value: np.ndarray) -> Iterator[Suspicio
             f"its whole motion of {width:.3g} {machine.units[joint]} is {width / step:.0f} steps "
             "of the encoder",
             "the encoder is too coarse for this motion, or positions were rounded",
-            decisive=False,
         )

@@ -265,7 +265,7 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
         yield Suspicion(where, evidence, cause, decisive=True)
     else:
         cause = "a load that the machine file does not know, a wrong transducer, or wrong geometry"
-        yield Suspicion(where, evidence, cause, decisive=False)
+        yield Suspicion(where, evidence, cause)
 
 
 # Mix-ups of wiring and names, and the recording as it would be without each.

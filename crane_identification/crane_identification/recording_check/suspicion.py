@@ -21,7 +21,7 @@ class Suspicion:
     where: str
     evidence: str
     cause: str
-    decisive: bool
+    decisive: bool = False
 
     def __str__(self) -> str:
         return f"{self.where}: {self.cause} ({self.evidence})"

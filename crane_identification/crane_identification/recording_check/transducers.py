@@ -94,7 +94,6 @@ def _supply(machine: Machine, signal: Signal) -> Iterator[Suspicion]:
             "supply pressure",
             f"{seen:.4g} Pa, and the machine file has {stated:.4g} Pa",
             f"it looks like {unit}" if unit else "the transducer or the machine file is wrong",
-            decisive=False,
         )
 
 
@@ -106,7 +105,6 @@ def _tank(machine: Machine, signal: Signal) -> Iterator[Suspicion]:
             "tank pressure",
             f"{seen / MEGA:.3f} MPa, and the machine file has {stated / MEGA:.3f} MPa",
             "pressures look absolute; gauge is needed: subtract 0.101 MPa from all of them",
-            decisive=False,
         )
 
 
@@ -163,7 +161,6 @@ def transducers(log: Log) -> Iterator[Suspicion]:
             "; ".join(where),
             f"steps of {size}",
             "coarse readings: what is smaller than a step cannot be seen",
-            decisive=False,
         )
 
 

@@ -41,7 +41,6 @@ def absolute(whole: Grid) -> Iterator[Suspicion]:
             f"flow in and out agree with the ratio of the areas if {found[alike].mean() / MEGA:.3f}"
             f" MPa are subtracted ({alike.sum()} of {len(found)} strokes)",
             "pressures look absolute, if the edges of the valves are of one size; gauge is needed",
-            decisive=False,
         )
 
 
@@ -88,14 +87,12 @@ def commands(whole: Grid) -> Iterator[Suspicion]:
                 f"{by_itself.left:.0%} of the flow unexplained, {by_others[best].left:.0%} "
                 f"by the command of the {spoken(whole.joints[best])}",
                 "exchanged names",
-                decisive=False,
             )
         elif by_itself.gain < 0.0 and by_itself.left < limits.UNMOVED:
             yield Suspicion(
                 f"valve command of the {spoken(joint)}",
                 f"the joint moves against it; {by_itself.left:.0%} of the flow unexplained",
                 "its sign is turned",
-                decisive=False,
             )
 
 
@@ -161,7 +158,6 @@ def wiring(whole: Grid) -> Iterator[Suspicion]:
             f"{left:.0%} of them are left by any plausible masses and friction",
             "the machine file (linkages, areas) is of another machine, or several things are "
             "mixed up",
-            decisive=False,
         )
     if whole.force is None:
         yield from absolute(whole)
