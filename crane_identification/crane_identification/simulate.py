@@ -80,7 +80,6 @@ def parser() -> argparse.ArgumentParser:
         help="simulate from valve commands, through the hydraulics (default: from "
         "measured pressures)",
     )
-    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_part(result)
     return result
 
