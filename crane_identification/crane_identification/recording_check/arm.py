@@ -23,11 +23,6 @@ from crane_model.record import Record
 TURNS = {"+90°": np.pi / 2, "-90°": -np.pi / 2, "180°": np.pi}  # that a zero may be off
 FACTOR_ROUNDS = 1000  # of finding factors and parameters in turn
 UNDONE = ("direction", "turn", "sign")
-SAME_LEFT = 1.1  # times as much may be left by the likelier mistake
-LEAST_STEP = 0.9  # of what was left, at most, if one more mistake is undone
-IMPERFECT = 0.015  # of the force unexplained, from which on units are compared
-LEAST_RATIO = 1.3  # of two factors that are units, and not what sensors or gears vary by
-SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
 
 
 @dataclass(frozen=True)
@@ -221,8 +216,8 @@ def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistak
         ]
         tried += together
         lefts = [_left(fit, mistakes) for mistakes in tried]
-        first = next(k for k, share in enumerate(lefts) if share <= SAME_LEFT * min(lefts))
-        if lefts[first] > LEAST_STEP * left:
+        first = next(k for k, share in enumerate(lefts) if share <= limits.SAME_LEFT * min(lefts))
+        if lefts[first] > limits.LEAST_STEP * left:
             return found, left
         found, left = tried[first], lefts[first]
 
@@ -234,12 +229,12 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
         return
     basis = fit.basis(moved.record)
     left = basis.left(fit.force)
-    if left < IMPERFECT:
+    if left < limits.IMPERFECT:
         return
     factors, by_factors = fit.factors(basis)
     found, without = _mistakes(fit, left, factors) if left > limits.POOR else ([], left)
     evidence = f"the model leaves {left:.0%} of the forces, without that {{:.0%}}"
-    if without < SIMPLER * by_factors and limits.BETTER * without < left:
+    if without < limits.SIMPLER * by_factors and limits.BETTER * without < left:
         for joint, mistake in zip(model.joints, found, strict=True):
             if mistake is not RIGHT:
                 told = evidence.format(without)
@@ -247,7 +242,7 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
     elif (
         limits.BETTER * by_factors < left
         and (factors > 0.0).all()
-        and factors.max() > LEAST_RATIO * factors.min()
+        and factors.max() > limits.LEAST_RATIO * factors.min()
     ):
         named = ", ".join(
             f"{spoken(joint)} {factor:.3g}"

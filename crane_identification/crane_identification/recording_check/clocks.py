@@ -18,9 +18,6 @@ from crane_identification.recording_check.suspicion import Suspicion
 from crane_identification.signals.motion import encoder_resolution
 from crane_model.machine import Machine
 
-FEWEST = 20  # messages
-LARGEST_TURN = 3  # turns that an encoder may be off
-
 
 class Lag(NamedTuple):
     """When messages are received after their stamps: `offset` [s] in the middle, `drift` [s/s]."""
@@ -90,11 +87,11 @@ def _set_back(log: Log) -> Iterator[Suspicion]:
 
 
 def _lag(signal: Signal) -> Lag | None:
-    if signal.received is None or len(signal.time) < FEWEST:
+    if signal.received is None or len(signal.time) < limits.FEWEST_MESSAGES:
         return None
     time, late = signal.time, signal.received - signal.time
     # the first of the messages of each part is late by the clocks alone, others by queues too
-    parts = np.array_split(np.arange(len(time)), FEWEST)
+    parts = np.array_split(np.arange(len(time)), limits.FEWEST_MESSAGES)
     quick = np.array([part[late[part].argmin()] for part in parts])
     # the median of slopes (Theil and Sen): one wrong time of the recorder does not tilt it
     first, second = np.triu_indices(len(quick), 1)
@@ -244,7 +241,7 @@ def _explanations(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -
         if neighbour != joint and mutual:
             yield f"exchanged names: they fit the {spoken(neighbour)}, whose positions fit here"
     if angle:
-        for turns in (sign * n for n in range(1, LARGEST_TURN + 1) for sign in (1, -1)):
+        for turns in (sign * n for n in range(1, limits.MOST_TURNS + 1) for sign in (1, -1)):
             if _fits(machine, joint, seen - turns * limits.TURN):
                 yield f"the encoder is off by {turns:+d} turn{'s' * (abs(turns) > 1)}"
     if _fits(machine, joint, -seen):

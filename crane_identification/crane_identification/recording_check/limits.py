@@ -12,6 +12,7 @@ OUTSIDE = 0.05  # of the range of Table 2: encoder zeros are set by hand, and li
 ALMOST_ALL = (0.1, 99.9)  # percentiles of a signal between which single bad samples do not count
 VISIBLE = 0.05  # of the range of Table 2; less is no motion in any unit
 TURN = 2.0 * math.pi  # rad
+MOST_TURNS = 3  # that an encoder may be off
 UNITS_OF_ANGLE = {"degrees": math.pi / 180.0, "mrad": 1e-3, "turns": TURN}  # to rad
 UNITS_OF_LENGTH = {"mm": 1e-3, "cm": 1e-2}  # to m
 TOO_FAST = 1.5  # times the speed of Table 2, which a cylinder passes when a load pulls it
@@ -50,8 +51,10 @@ LEAST_TRAINED = 20  # samples a coefficient, from which such an expectation can 
 ASKED = 0.3  # of the full command, beyond the dead band of valves
 ASKED_FOR = 1.0  # s
 ASKED_WAY = 0.01  # rad or m (or per s) of reference or velocity, which an encoder shows
+MOST = (10, 90)  # percentiles of a signal between which its change counts
 
 # clocks
+FEWEST_MESSAGES = 20  # on a topic, below which its clock is not told
 OFFSET = 0.05  # s between two topics; ROS and a recorder need some milliseconds
 DRIFT = 1e-3  # s/s; quartz clocks drift by 1e-4 at most
 LEAST_DRIFT = 0.05  # s over a whole recording
@@ -69,7 +72,11 @@ UNEXPLAINED = 0.35  # of the force, which no machine of the kind leaves
 
 # forces of any machine
 ARM_BANDWIDTH = 10.0  # Hz
-
+SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
+SAME_LEFT = 1.1  # times as much may be left by the likelier mistake
+LEAST_STEP = 0.9  # of what was left, at most, if one more mistake is undone
+IMPERFECT = 0.015  # of the force unexplained, from which on units are compared
+LEAST_RATIO = 1.3  # of two factors that are units, and not what sensors or gears vary by
 SLOW = 0.05  # of a joint's highest speed; below, friction is anything between its branches
 NEGATIVE_SIGMAS = 3.0  # standard deviations by which friction and inertia are negative
 

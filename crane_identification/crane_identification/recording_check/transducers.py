@@ -21,7 +21,6 @@ CAUSES = {
     "": "the transducer is stuck",
 }
 MEGA = 1e6
-MOST = (10, 90)  # percentiles between which a change counts
 
 # Pressures against supply, relief valve, tank and range: units, signs, absolute for gauge.
 
@@ -261,7 +260,7 @@ def _unexpected(log: Log, signal: Signal, j: int, column: _Column, long: np.ndar
     out = np.zeros(len(long), dtype=bool)
     for k in np.flatnonzero(long):
         inside = expected[edges[k] : ends[k]][usable[edges[k] : ends[k]]]
-        out[k] = len(inside) > 0 and np.ptp(np.percentile(inside, MOST)) > least
+        out[k] = len(inside) > 0 and np.ptp(np.percentile(inside, limits.MOST)) > least
     return out
 
 
