@@ -136,8 +136,9 @@ def find_encoder(
     if abs(moved) < smallest:
         raise DataError(
             f"{joint}: the encoder was moved by {abs(moved):.3g}, at least {smallest:.3g} is "
-            f"needed for the direction; move the joint further, faster than {constants.FASTEST_SINKING:g} "
-            "per second (slower, it counts as sinking), and no other one"
+            "needed for the direction; move the joint further, faster than "
+            f"{constants.FASTEST_SINKING:g} per second (slower, it counts as sinking), and no "
+            "other one"
         )
     sign: Literal[-1, 1] = 1 if moved > 0 else -1
     scale = None
