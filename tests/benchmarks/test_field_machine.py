@@ -21,12 +21,10 @@ from crane_identification.identify import main as identify
 from crane_identification.report.content import pooled
 from crane_model import DataError, Machine, Model, load_model, tip_position
 from crane_model.machine_files import machine_file
-from crane_observer import HeardRecording
+from crane_observer import HeardRecording, PositionEstimator, learn, unlearnt
 from crane_observer.monitor.replay import compare
-from crane_observer.monitor.tolerance import learn, unlearnt
 from crane_observer.payload.estimator import PayloadEstimator, lifts, replay
 from crane_observer.payload.filter import Balanced
-from crane_observer.position.estimator import PositionEstimator
 from crane_observer.position.replay import replay as replay_positions
 from crane_sim import Plant, Sensors, SimulatedCrane, record
 from crane_sim.make_bag import main as make_bag
