@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from crane_model import Machine, Model, load_machine, load_model, save_model
 from crane_model.hydraulics import (
     ChamberValues,
     HydraulicValues,
@@ -13,10 +14,8 @@ from crane_model.hydraulics import (
     SupplyValues,
     ValveValues,
 )
-from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model, save_model
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
+from crane_sim import SimulatedCrane, load_simulated_crane
 from crane_sim.true_values import hydraulics_of, true_parameters
 
 TOLD_LATE = 0.002  # s, from the stamp of a command until the spool is told

@@ -1,6 +1,6 @@
 """The joints of the laboratory crane and its linkages, for tests of it."""
 
-from crane_model.machine import Machine
+from crane_model import Machine
 
 JOINTS = ("slew", "inner_boom", "outer_boom", "telescope")
 PLANAR_JOINTS = JOINTS[1:]

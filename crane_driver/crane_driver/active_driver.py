@@ -12,6 +12,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from crane_bags.clocks import TimeBack
+from crane_driver import constants
 from crane_driver.can.bus import BusError
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
@@ -27,9 +28,6 @@ from crane_nodes.node_time import nanoseconds
 from crane_nodes.this_computer import RealTime, RealTimeSettings, ThreadClock
 
 COMMAND_DEPTH = 10  # messages
-FRAMES_AT_ONCE = 200  # a flood must not keep the valves waiting for their frames
-OLDEST_COMMAND_S = 1.0  # a greater age is that of another clock
-WARNING_PERIOD_S = 1.0
 
 
 class ActiveDriver:
@@ -134,7 +132,7 @@ class ActiveDriver:
         return now
 
     def _take(self) -> None:
-        self._publish(self.link.take(FRAMES_AT_ONCE))
+        self._publish(self.link.take(constants.FRAMES_AT_ONCE))
 
     def _publish(self, frames: Sequence[Frame]) -> None:
         joints, pressures = self.loop.receive(frames, self.link.take_faults(), self._runs())
@@ -169,7 +167,7 @@ class ActiveDriver:
 
     def _command(self, message: ValveCommand, info: dict[str, Any]) -> None:
         age = (time.time_ns() - info["received_timestamp"]) * 1e-9
-        received = self._runs() - (age if 0.0 <= age < OLDEST_COMMAND_S else 0.0)
+        received = self._runs() - (age if 0.0 <= age < constants.OLDEST_COMMAND_S else 0.0)
         if self._commanded(message, received):
             self._drive(self.loop.valve_frames(self._runs(), commanded=True))
 
@@ -179,7 +177,7 @@ class ActiveDriver:
         try:
             self.loop.supervisor.command(message.name, message.command, received)
         except RefusedError as error:
-            self._log.warning(str(error), throttle_duration_sec=WARNING_PERIOD_S)
+            self._log.warning(str(error), throttle_duration_sec=constants.WARNING_PERIOD_S)
             return False
         return True
 

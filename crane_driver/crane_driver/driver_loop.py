@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from crane_driver import constants
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.canopen import Devices
 from crane_driver.can.codec import DriverCodec
@@ -35,11 +36,6 @@ REAL_TIME_REMEDY = (
 STOPPED_REMEDY = (
     "it was stopped: look for a debugger, a suspended computer, or a disk that it waited for"
 )
-
-# After a command valve frames follow the commands, not the cycle, unless none comes for so long.
-COMMAND_GRACE_CYCLES = 1.5  # cycles
-CLOSEST_FRAMES_CYCLES = 0.5  # cycles, between two valve frames that commands cause
-TIMER_EARLY_CYCLES = 0.1  # cycles, by which a timer may come too early
 
 
 class StallWatch:
@@ -121,8 +117,8 @@ class CylinderEffort:
         """Force [N m, N] at a position [rad, m] of the joint, by pressures [Pa] with their names as
         in `Layout.pressures`; NaN if those of its chambers are not among them.
         """
-        kind, constants = self._linkage
-        lever: float = motion(kind, constants, position)[1]
+        kind, lengths = self._linkage
+        lever: float = motion(kind, lengths, position)[1]
         pressure_a = pressures.get(self._chamber_a, math.nan)
         pressure_b = pressures.get(self._chamber_b, math.nan)
         return lever * (self._area_a * pressure_a - self._area_b * pressure_b)
@@ -290,13 +286,13 @@ class DriverLoop:
         if self.listen_only:
             return []
         if commanded:
-            if now - self._commanded < CLOSEST_FRAMES_CYCLES * self.cycle:
-                self._due = self._commanded + CLOSEST_FRAMES_CYCLES * self.cycle
+            if now - self._commanded < constants.CLOSEST_FRAMES_CYCLES * self.cycle:
+                self._due = self._commanded + constants.CLOSEST_FRAMES_CYCLES * self.cycle
                 return []
             self._commanded = now
-        elif now < self._due - TIMER_EARLY_CYCLES * self.cycle:
+        elif now < self._due - constants.TIMER_EARLY_CYCLES * self.cycle:
             return []
-        self._due = now + (COMMAND_GRACE_CYCLES if commanded else 1.0) * self.cycle
+        self._due = now + (constants.COMMAND_GRACE_CYCLES if commanded else 1.0) * self.cycle
         output = self.supervisor.output(now)
         frames = self.codec.command_frames(output.commands, output.enabled)
         for frame in frames:

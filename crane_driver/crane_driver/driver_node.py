@@ -14,6 +14,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from crane_bags.clocks import NANOSECONDS
+from crane_driver import constants
 from crane_driver.active_driver import ActiveDriver
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import check_private
@@ -41,7 +42,6 @@ from crane_nodes.managed import AUTOSTART, full_name, run_managed, say_ready
 from crane_nodes.node_time import NodeTime
 from crane_nodes.parameters import MACHINE, declare, declare_machine, hold, read_machine_again
 
-REPORT_PERIOD_S = 1.0
 DIAGNOSTICS_DEPTH = 10  # messages
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
@@ -73,7 +73,7 @@ class Driver(LifecycleNode):
         self._state = self.create_publisher(DriverState, STATE_TOPIC, LATCHED)
         self._received = self.create_guard_condition(self._receive)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(REPORT_PERIOD_S, self._report, clock=steady)
+        self.create_timer(constants.REPORT_PERIOD_S, self._report, clock=steady)
         for name, action, waits in (
             ("enable", ActiveDriver.enable, True),
             ("disable", ActiveDriver.disable, False),

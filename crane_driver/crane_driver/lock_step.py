@@ -26,6 +26,7 @@ from std_msgs.msg import Header
 
 from crane_bags.clocks import NANOSECONDS
 from crane_bags.types import JOINT_STATES
+from crane_driver import constants
 from crane_driver.active_driver import ActiveDriver
 from crane_driver.can.frame import TIME, Frame, step_frame, told_time
 from crane_driver.safety.supervisor import SafetyState
@@ -44,11 +45,6 @@ from crane_nodes.node_time import (
 from crane_nodes.this_computer import PATIENCE_S, RealTimeSettings
 
 QUIET_NS = NANOSECONDS  # after which a crane that rests needs no more time
-REMARK_AFTER_S = 5.0  # of real time, for which somebody is waited for without a word
-TICK_REPEAT_S = 0.1  # of real time, between two messages of /clock while time stands still
-ASK_PERIOD_S = 0.2  # of real time, between two questions who is there
-PACE_CYCLES = 0.9  # cycles, by which a timer may come too early
-MOST_TRAIN_FRAMES = 1000  # frames without a time
 NOBODY, NO_COMMANDER, PACE = "", "no commander", "pace"
 
 
@@ -101,7 +97,7 @@ class LockStepDriver(ActiveDriver):
     def _pause(self) -> None:
         if self._waiting:
             self._step()
-        while not self._arrived() and self._silent() < ASK_PERIOD_S:
+        while not self._arrived() and self._silent() < constants.ASK_PERIOD_S:
             time.sleep(1e-4)
         self._train.clear()
 
@@ -135,7 +131,7 @@ class LockStepDriver(ActiveDriver):
                 self._train.clear()
                 if not self._waiting:
                     self._step()
-        del self._train[:-MOST_TRAIN_FRAMES]
+        del self._train[: -constants.MOST_TRAIN_FRAMES]
         return False
 
     def _tick(self) -> None:
@@ -147,7 +143,7 @@ class LockStepDriver(ActiveDriver):
     def _due(self) -> None:
         """Look, every cycle of real time, whether somebody is waited for who will not answer."""
         self._go_on_if(led=False)
-        if self._waiting and time.monotonic() - self._ticked > TICK_REPEAT_S:
+        if self._waiting and time.monotonic() - self._ticked > constants.TICK_REPEAT_S:
             self._tick()  # for nodes that have come since
         if self._silent() > PATIENCE_S:  # the crane is gone
             self._judge(self._now(), self._now())
@@ -194,7 +190,7 @@ class LockStepDriver(ActiveDriver):
             return absent
         if self._rests:
             return NO_COMMANDER
-        early = time.monotonic() - self._stepped < PACE_CYCLES * self.loop.cycle
+        early = time.monotonic() - self._stepped < constants.PACE_CYCLES * self.loop.cycle
         return PACE if led or early else NOBODY
 
     @property
@@ -254,7 +250,7 @@ class LockStepDriver(ActiveDriver):
     def _may_ask(self) -> bool:
         """Return whether it is time to ask the graph again, which is dear."""
         now = time.monotonic()
-        if now - self._asked < ASK_PERIOD_S:
+        if now - self._asked < constants.ASK_PERIOD_S:
             return False
         self._asked = now
         return True
@@ -262,7 +258,7 @@ class LockStepDriver(ActiveDriver):
     def _say(self) -> None:
         """Tell, once each, who keeps simulated time from going on."""
         remark = ""
-        if time.monotonic() - self._since > REMARK_AFTER_S:
+        if time.monotonic() - self._since > constants.REMARK_AFTER_S:
             if self._waiting:
                 remark = self._awaited(led=False)
             elif self._train:

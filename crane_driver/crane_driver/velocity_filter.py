@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 UNKNOWN_VELOCITY = 10.0  # rad/s or m/s; standard deviation before the second sample
 # s; before the second sample the acceleration is what jerk makes of it in this time
 JERK_MEMORY_S = 1.0
-LONGEST_PAUSE_S = 0.1  # without a reading, after which a joint begins anew
+LONGEST_READING_PAUSE_S = 0.1  # without a reading, after which a joint begins anew
 
 
 class JointMotion(NamedTuple):
@@ -59,7 +59,7 @@ class VelocityFilter:
         """Estimate the motion of the joints from their newest readings.
 
         A reading that is not newer than the last one changes nothing. A pause longer than
-        `LONGEST_PAUSE_S`, or a clock that went back by more, resets the joint.
+        `LONGEST_READING_PAUSE_S`, or a clock that went back by more, resets the joint.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ def _update(
             estimate[:, j] = np.nan
             continue
         dt = stamp - last[j]
-        if abs(dt) > LONGEST_PAUSE_S:
+        if abs(dt) > LONGEST_READING_PAUSE_S:
             last[j] = stamp
             x[:] = readings[j], np.nan, np.nan
             estimate[:, j] = x

@@ -93,7 +93,6 @@ def parser() -> argparse.ArgumentParser:
     )
     machine.add_argument("--model", type=Path, help="model file; defines machine and joints")
     add("--terms", type=Path, metavar="FILE", help="Python file with your own terms")
-    add("--columns", type=Path, help="column map (YAML) of the tables")
     add_part(result)
     add("recordings", type=Path, nargs="+", metavar="RECORDING")
     return result

@@ -142,7 +142,6 @@ def parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="Python file with your own terms; `diagnose` searches and reports their effects, too",
     )
-    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_processing(result)
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--fixed", action="store_true", help=FIXED)

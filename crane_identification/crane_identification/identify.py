@@ -268,7 +268,6 @@ def parser() -> argparse.ArgumentParser:
     add("--out", type=Path, required=True, help="folder for the results")
     cli.add_replace(result)
     add("--terms", type=Path, metavar="FILE", help="Python file with your own terms")
-    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_processing(result)
     add(
         "--estimator",

@@ -34,7 +34,6 @@ def run(request: SimulationRequest) -> None:
     from crane_identification.preparation.prepare import prepare_all
     from crane_identification.report.terminal import ahead, console
     from crane_identification.validation.motion_validation import (
-        CommandValidation,
         MotionValidation,
         validate_commands,
         validate_motion,
@@ -46,7 +45,7 @@ def run(request: SimulationRequest) -> None:
     with ProgressBar() as progress:
         logs = Sources(model, columns, request.options, progress).read(request.bag)
     began = time.perf_counter()
-    found: Sequence[CommandValidation | MotionValidation]
+    found: Sequence[MotionValidation]
     if request.from_commands:
         found = validate_commands(model, logs, request.options)
     else:
@@ -81,7 +80,6 @@ def parser() -> argparse.ArgumentParser:
         help="simulate from valve commands, through the hydraulics (default: from "
         "measured pressures)",
     )
-    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_part(result)
     return result
 

@@ -1,6 +1,6 @@
 """The table of driver faults for the page on troubleshooting, as the driver defines them."""
 
-from crane_driver.faults import FaultKind
+from crane_driver import FaultKind
 
 HEADING = "| constant | fault | before `~/reset_fault` |\n|---|---|---|\n"
 

@@ -14,7 +14,7 @@ from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
 from crane_machines import shipped
 from crane_model.configuration import load
 from crane_model.machine_files import machine_file
-from crane_trajectory.motion.periodic import FourierTrajectory
+from crane_trajectory import FourierTrajectory
 from from_code import imports
 
 ROOT = Path(__file__).resolve().parents[2]

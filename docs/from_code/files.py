@@ -6,24 +6,21 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from crane_driver import SafetySettings
 from crane_driver.can.mapping import Mapping
-from crane_driver.safety.commands import SafetySettings
-from crane_identification.data.column_map import ColumnMap
+from crane_identification import ColumnMap
 from crane_identification.diagnosis.flow import Usual
 from crane_identification.thresholds import Thresholds
+from crane_model import Machine
 from crane_model.configuration import packaged
-from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import _ModelFile
 from crane_model.sensors import SensorChain
 from crane_nodes.joint_notes import JointNotes
-from crane_sim.ground_truth import Spec
-from crane_sim.parts.parameters import SimulatedCrane
+from crane_sim import SimulatedCrane, Spec
 from crane_sim.work import WorkCycle
+from crane_trajectory import Clearance, DesignSettings, FourierTrajectory, SweepTrajectory
 from crane_trajectory.control.controller import Gains
-from crane_trajectory.excitation.limits import DesignSettings
-from crane_trajectory.motion.check import Clearance
-from crane_trajectory.motion.periodic import FourierTrajectory, SweepTrajectory
 
 
 class Kind(NamedTuple):

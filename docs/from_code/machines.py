@@ -6,11 +6,10 @@ from collections.abc import Iterator, Sequence
 import matplotlib
 
 from crane_machines import shipped
+from crane_model import Machine, Model, load_machine, load_model
 from crane_model.inspection.machine_command import picture, told
-from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
-from crane_model.model_file import Model, load_model
-from crane_sim.parts.parameters import load_simulated_crane
+from crane_sim import load_simulated_crane
 from crane_sim.true_values import true_parameters
 
 SALT = "crane"  # the same picture of the same machine

@@ -13,7 +13,7 @@ from crane_driver.driver_node import Driver
 from crane_driver.operator.jog.jog_node import Jog
 from crane_driver.operator.panel.panel_node import OperatorPanel
 from crane_identification.online.identification_node import Identification
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_nodes.this_computer import DISCOVERY_RANGE, PROFILES
 from crane_observer.node.payload_estimator_node import PayloadEstimatorNode
 from crane_observer.node.position_estimator_node import PositionEstimatorNode

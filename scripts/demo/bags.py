@@ -5,15 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics, typestore
 from crane_bags.storage import announced, blocks, open_bag
-from crane_bags.types import (
-    CYLINDER_PRESSURES,
-    JOINT_REFERENCE,
-    JOINT_STATES,
-    VALVE_COMMAND,
-    typestore,
-)
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES, VALVE_COMMAND
 
 ESTIMATE = "/parameter_estimate"
 GAP = 1.5  # cycles between two stamps

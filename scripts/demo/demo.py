@@ -33,10 +33,9 @@ from crane_benchmark.rehearsal.live_node import follow, foreign_domain
 from crane_benchmark.rehearsal.processes import ProcessError, Processes
 from crane_benchmark.rehearsal.tried import refusal
 from crane_identification.report import terminal
+from crane_model import ConfigurationError, load_model
 from crane_model.cli import add_machine
-from crane_model.errors import ConfigurationError
 from crane_model.machine_files import DEFAULT_MACHINE
-from crane_model.model_file import load_model
 from crane_nodes import this_computer
 
 SEED = 1

@@ -9,7 +9,7 @@ from outcome import DemoOutcome, OnlineEstimate, Unplugged, motion_errors
 from crane_benchmark.measured import MeasuredRow, of_joints, write
 from crane_benchmark.rehearsal.crane_run import CraneRun
 from crane_identification.report.summary import ParameterSummary, Summary
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
 
 

@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from outcome import Following
 from rich.table import Table
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import JOINT_REFERENCE, JOINT_STATES
 from crane_benchmark.rehearsal.crane_run import CraneRun
 from crane_identification.report.terminal import plain_table
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.result_file import NumberByJoint
 from crane_trajectory.run_excitation_node import ExcitationResult
 

@@ -17,7 +17,7 @@ from crane_bags.types import JOINT_STATES, POSITION_ESTIMATE, TIP_LOAD
 from crane_benchmark.rehearsal.crane_run import CraneRun
 from crane_benchmark.rehearsal.operator_node import Told, fault_answer, told
 from crane_identification.report.terminal import plain_table
-from crane_model.machine import load_machine
+from crane_model import load_machine
 
 PICTURE = OUT / "unplugged.png"
 BEFORE_S, AFTER_S = 6.0, 3.0  # shown before the plug is pulled, and after the crane is home

@@ -12,8 +12,7 @@ from crane_benchmark.rehearsal.crane_run import EXCITATION, VALIDATION, WARM_S, 
 from crane_benchmark.rehearsal.processes import Processes
 from crane_identification.diagnosis.findings import Findings
 from crane_identification.report.terminal import plain_table
-from crane_model.machine import load_machine
-from crane_model.model_file import load_model
+from crane_model import load_machine, load_model
 from crane_model.terms import REGISTRY
 from crane_sim.effects.kernel import FORMS
 from crane_sim.ground_truth import GroundTruth, TrueEffect

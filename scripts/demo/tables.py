@@ -8,7 +8,7 @@ from rich.table import Table
 from crane_benchmark.rehearsal.crane_run import CraneRun
 from crane_identification.report.summary import ParameterSummary, Summary
 from crane_identification.report.terminal import estimate, plain_table, rounded
-from crane_model.machine import load_machine
+from crane_model import load_machine
 
 
 def table(law: CraneRun, outcome: DemoOutcome) -> Table:

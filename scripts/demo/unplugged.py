@@ -21,14 +21,12 @@ from crane_benchmark.rehearsal.crane_run import CraneRun
 from crane_benchmark.rehearsal.live_node import LEADING, Say, record_to, start, stop
 from crane_benchmark.rehearsal.operator_node import OperatorNode, pull_plug
 from crane_benchmark.rehearsal.processes import Processes
+from crane_driver import load_safety
 from crane_driver.operator.jog.jog_input import JOINT_KEYS
-from crane_driver.safety.commands import load_safety
 from crane_interfaces.msg import DriverState
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
-from crane_model.model_file import load_model
+from crane_model import ConfigurationError, load_machine, load_model
 from crane_observer.position.filter import refuse_unserved
-from crane_sim.parts.parameters import load_simulated_crane
+from crane_sim import load_simulated_crane
 
 USE = "unplugged"  # of its bag
 LOAD = 60.0  # kg at the tip

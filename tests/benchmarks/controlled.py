@@ -6,8 +6,9 @@ import numpy as np
 from benchmarks.controlled_machines import Controlled
 
 from crane_model.machine_files import machine_file
-from crane_sim.plant.closed_loop import BUS_DELAY_S, REST_S, LatePlant, SimulatedRecording, record
-from crane_sim.plant.sampled import Sensors
+from crane_sim import Sensors, SimulatedRecording, record
+from crane_sim.plant.closed_loop import BUS_DELAY_S, REST_S, LatePlant
+from crane_trajectory import Motion
 from crane_trajectory.control.controller import (
     ControlCondition,
     Controller,
@@ -16,7 +17,6 @@ from crane_trajectory.control.controller import (
     WrappedController,
     load_gains,
 )
-from crane_trajectory.motion.motion import Motion
 
 SWINGS = 3.0  # Hz, above which speed beside the reference is ripple
 

@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.machine import Machine, load_machine
+from crane_model import Machine, load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
+from crane_sim import SimulatedCrane, load_simulated_crane
 from crane_sim.effects.form import InjectedForm
 from crane_sim.effects.kernel import FORMS
-from crane_sim.parts.parameters import Edges, SimulatedCrane, load_simulated_crane
+from crane_sim.parts.parameters import Edges
 
 
 class Controlled(NamedTuple):

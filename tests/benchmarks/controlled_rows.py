@@ -11,16 +11,15 @@ from benchmarks.controlled import Run, Score, drive
 from benchmarks.controlled_machines import Controlled, stock
 
 from crane_identification.identify import main as identify
+from crane_model import Model, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import write_bag
+from crane_trajectory import Motion, load_clearance, load_trajectory, plan
 from crane_trajectory.control.choice import OF_THE_MODEL, PD_DEAD_BAND, SideBySide
 from crane_trajectory.control.controller import Controller, PdDeadBand, load_gains
 from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
 from crane_trajectory.control.valves_and_oil import ValvesAndOil, identified
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import Motion, plan
-from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
+from crane_trajectory.motion.periodic import PeriodicTrajectory
 
 Measured = Callable[..., None]
 FLOW, PRESSURES, ADAPTIVE, FORCE = OF_THE_MODEL

@@ -11,8 +11,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from crane_interfaces.msg import ValveCommand
-from crane_nodes.driver_client import DriverClient
-from crane_nodes.managed import ros
+from crane_nodes import DriverClient, ros
 
 STEP = 0.0005  # of the spool signal
 VALUES = 99  # neutral commands that can be told apart on the bus

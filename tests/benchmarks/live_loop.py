@@ -20,13 +20,10 @@ from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
 from scipy.ndimage import minimum_filter1d
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.bus import BusSettings
-from crane_driver.can.codec import MachineCodec
+from crane_driver import BusSettings, Link, MachineCodec, load_layout
 from crane_driver.can.frame import Frame
-from crane_driver.can.link import Link
 from crane_interfaces.msg import ValveCommand
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 HERE = Path(__file__).parent

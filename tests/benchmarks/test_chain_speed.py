@@ -8,10 +8,8 @@ import numpy as np
 import pinocchio as pin
 from unit.crane_model.pinocchio_chain import pinocchio_chain, random_bodies
 
+from crane_model import Model, Record, load_machine
 from crane_model.chain.body_regressor import regressor
-from crane_model.machine import load_machine
-from crane_model.model_file import Model
-from crane_model.record import Record
 from crane_model.terms import Setting
 from crane_model.terms.drives import RotorInertia
 from crane_model.terms.friction import Coulomb, Viscous

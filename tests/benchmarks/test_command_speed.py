@@ -11,10 +11,9 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from crane_benchmark.cases.case import CaseKind
+from crane_benchmark import CaseKind, Folders
 from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_benchmark.cases.make_cases import MakingJob, make_case
-from crane_benchmark.folders import Folders
 
 TO_HELP_S, TO_DIAGNOSE_S = 1.0, 12.0  # processor time of --help, wall time of a diagnosis
 COMMANDS = ("check_recording", "diagnose", "identify", "simulate")

@@ -31,9 +31,10 @@ from benchmarks.controlled_rows import (
 
 from crane_model.machine_files import machine_file
 from crane_sim.plant.closed_loop import REST_S, LatePlant
+from crane_trajectory import FourierTrajectory, load_trajectory
 from crane_trajectory.control.choice import MAY_LEARN, OF_THE_MODEL, PD_DEAD_BAND, learning
 from crane_trajectory.control.controller import ControlCondition, Point, SensorReading, Wanted
-from crane_trajectory.motion.periodic import FourierTrajectory, JointSeries, load_trajectory
+from crane_trajectory.motion.periodic import JointSeries
 
 CRANE: Controlled = stock()
 BESIDE_36 = (PD_DEAD_BAND, *RECOMMENDED)

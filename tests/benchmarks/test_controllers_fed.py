@@ -14,7 +14,7 @@ from benchmarks.controlled_rows import (
     row,
 )
 
-from crane_model.model_file import Model
+from crane_model import Model
 from crane_observer.payload.estimator import PayloadEstimator
 from crane_trajectory.control.choice import led_by_model
 from crane_trajectory.control.controller import Controller, SensorReading, Wanted, WrappedController

@@ -12,18 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_model.machine import load_machine
+from crane_model import Model, load_machine, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
 from crane_model.terms import Setting
 from crane_model.terms.drives import RotorInertia
 from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.rigid_body import SerialRigidBody
 from crane_model.terms.single_axis import Offset
+from crane_trajectory import load_clearance, load_design_settings
 from crane_trajectory.excitation.criterion import ColumnSet, Criterion, CriterionKind
-from crane_trajectory.excitation.limits import Limit, load_design_settings, pull_back, smooth_record
+from crane_trajectory.excitation.limits import Limit, pull_back, smooth_record
 from crane_trajectory.excitation.search import ExcitationProblem, search, workers
-from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.periodic import MotionSamples
 
 STARTS, CORES = 16, 2

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 from unit.crane_identification.synthetic import FORCE_NOISE, crane_log, crane_model
 
-from crane_identification.data.log import Log
+from crane_identification import Log, Options
 from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.diagnosis import diagnose
-from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
 from crane_model.terms.gravity_and_load import Payload

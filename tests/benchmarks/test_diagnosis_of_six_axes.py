@@ -10,18 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crane_identification import ColumnMap, Log, Options, Signal, fit
 from crane_identification.data.bad_samples import usable
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.log import Log, Signal
 from crane_identification.data.table_log import read_table
 from crane_identification.diagnosis.diagnosis import diagnose
-from crane_identification.fitting import fit
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
+from crane_model import Model, Record, load_model
 from crane_model.configuration import load
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
 
 MACHINES = Path(__file__).parents[1] / "machines"
 OPTIONS = Options(average=False)

@@ -15,13 +15,13 @@ from threadpoolctl import threadpool_limits
 
 pytest.importorskip("mujoco")
 
+from crane_benchmark import CaseKind, Folders
 from crane_benchmark.answers.answer_cases import given
-from crane_benchmark.cases.case import CaseKind, Simulator
+from crane_benchmark.cases.case import Simulator
 from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_benchmark.cases.make_cases import MakingJob, make_case
-from crane_benchmark.folders import Folders
+from crane_identification import Options
 from crane_identification.diagnosis.diagnosis import diagnose
-from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 
 SETS = {Simulator.PRIMARY: CaseSet.TUNING, Simulator.INDEPENDENT: CaseSet.INDEPENDENT_TUNING}

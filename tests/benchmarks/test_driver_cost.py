@@ -12,15 +12,12 @@ from contextlib import contextmanager
 
 from benchmarks.speed import loop_time, scaled
 
-from crane_driver.can.assembly import LEARNING_FRAMES
-from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import MachineCodec
+from crane_driver import MachineCodec, constants, load_layout, load_safety
 from crane_driver.can.frame import Frame
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, joint_state, valve_output
-from crane_driver.safety.commands import load_safety
 from crane_driver.safety.supervisor import SafetyState
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.this_computer import ProcessorTime
 
@@ -86,7 +83,7 @@ class Experiment:
 
     def begin(self) -> None:
         """Run until all is known that is learnt from the first frames, and enable the driver."""
-        for _ in range(LEARNING_FRAMES + round(SETTLED / CYCLE)):
+        for _ in range(constants.LEARNING_FRAMES + round(SETTLED / CYCLE)):
             self.cycle()
         self.loop.supervisor.enable(START + self._count * CYCLE + TAKEN_AFTER)
         self._enabled = True

@@ -9,8 +9,7 @@ from scipy.stats import binomtest
 from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import crane_model
 
-from crane_identification.fitting import fit
-from crane_identification.options import Estimator, Options
+from crane_identification import Estimator, Options, fit
 
 EXPERIMENTS = 1000
 PERIODS = 3

@@ -6,11 +6,10 @@ from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import crane_model
 from unit.crane_identification.test_consistent import bodies_exist, scarce, smallest_eigenvalue
 
+from crane_identification import Estimate, Estimator, Options, fit, validate
 from crane_identification.estimation.consistent import consistent, physics
 from crane_identification.estimation.least_squares import least_squares
-from crane_identification.estimation.regression import Estimate, build_rows
-from crane_identification.fitting import fit, validate
-from crane_identification.options import Estimator, Options
+from crane_identification.estimation.regression import build_rows
 
 POSES = 10_000
 FITS = 25

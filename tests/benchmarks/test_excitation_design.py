@@ -12,8 +12,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import minimize
 
+from crane_model import load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
+from crane_trajectory import load_clearance, load_design_settings
 from crane_trajectory.excitation.criterion import (
     ColumnSet,
     Criterion,
@@ -21,9 +22,8 @@ from crane_trajectory.excitation.criterion import (
     condition_numbers,
     one_period,
 )
-from crane_trajectory.excitation.limits import Limit, Margins, load_design_settings
+from crane_trajectory.excitation.limits import Limit, Margins
 from crane_trajectory.excitation.search import ExcitationProblem, search, workers
-from crane_trajectory.motion.check import load_clearance
 
 SEEDS = range(10)
 STARTS = 16

@@ -6,13 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from crane_benchmark.measured import of_joints
-from crane_identification.data.recording_log import read_bag
-from crane_identification.fitting import fit, validate
-from crane_model.machine import load_machine
+from crane_identification import fit, read_bag, validate
+from crane_model import load_machine, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
+from crane_sim import load_simulated_crane
 from crane_sim.make_bag import main as make_bag
-from crane_sim.parts.parameters import load_simulated_crane
 from crane_sim.true_values import true_parameters
 
 BAGS = ("excitation_20s.yaml", "validation_20s.yaml")

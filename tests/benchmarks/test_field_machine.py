@@ -14,35 +14,27 @@ import numpy as np
 import pytest
 import yaml
 
+from crane_identification import Options, validate
 from crane_identification.data.sources import Sources
-from crane_identification.fitting import validate
 from crane_identification.hydraulics.joint_estimate import identify_joint
 from crane_identification.identify import main as identify
-from crane_identification.options import Options
 from crane_identification.report.content import pooled
-from crane_model.errors import DataError
-from crane_model.kinematics import tip_position
-from crane_model.machine import Machine
+from crane_model import DataError, Machine, Model, load_model, tip_position
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
+from crane_observer import HeardRecording, PositionEstimator, learn, unlearnt
 from crane_observer.monitor.replay import compare
-from crane_observer.monitor.tolerance import learn, unlearnt
 from crane_observer.payload.estimator import PayloadEstimator, lifts, replay
 from crane_observer.payload.filter import Balanced
-from crane_observer.position.estimator import PositionEstimator
 from crane_observer.position.replay import replay as replay_positions
-from crane_observer.recording import HeardRecording
+from crane_sim import Plant, Sensors, SimulatedCrane, record
 from crane_sim.make_bag import main as make_bag
-from crane_sim.parts.parameters import SimulatedCrane, load_both
-from crane_sim.plant.closed_loop import REST_S, record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
+from crane_sim.parts.parameters import load_both
+from crane_sim.plant.closed_loop import REST_S
 from crane_sim.true_values import hydraulics_of, true_parameters
+from crane_trajectory import Clearance, Motion, plan
 from crane_trajectory.control.choice import PREDICTIVE, controller
 from crane_trajectory.control.controller import Controller, PdDeadBand, load_gains
 from crane_trajectory.control.dead_time import PredictiveFlow
-from crane_trajectory.motion.check import Clearance
-from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.tip_path import StraightLine, plan_tip_path
 
 Measured = Callable[..., None]

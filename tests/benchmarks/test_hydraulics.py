@@ -17,17 +17,15 @@ from unit.crane_identification.hydraulics.valve_experiments import (
 )
 
 from crane_benchmark.study.following import AHEAD, HYDRAULIC_AIMS, worst
-from crane_identification.data.log import Log
+from crane_identification import Log, Options, fit
 from crane_identification.data.sources import Sources
-from crane_identification.fitting import fit
 from crane_identification.hydraulics.joint_estimate import identify_hydraulics, identify_joint
-from crane_identification.options import Options
 from crane_identification.report.summary import Summary
 from crane_identification.validation.motion_validation import validate_commands
+from crane_model import Model, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import silent
-from crane_sim.parts.parameters import SimulatedCrane, load_simulated_crane
+from crane_sim import SimulatedCrane, load_simulated_crane
 from crane_sim.plant.closed_loop import mean_delay
 from crane_trajectory.motion.periodic import Probe
 

@@ -25,7 +25,8 @@ import crane_identification.hydraulics
 import crane_model.hydraulics
 import crane_sim
 from crane_identification.hydraulics.joint_estimate import identify_joint
-from crane_sim.parts.parameters import load_simulated_crane, vary, vary_valves
+from crane_sim import load_simulated_crane
+from crane_sim.parts.parameters import vary, vary_valves
 
 Measured = Callable[[str, str, str], None]
 

@@ -7,9 +7,8 @@ import pytest
 
 from crane_benchmark.independent.parts import Make
 from crane_benchmark.independent.plant import IndependentPlant
-from crane_model.machine import load_machine
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.plant import Plant
+from crane_model import load_machine
+from crane_sim import Plant, load_simulated_crane
 from crane_sim.plant.sampled import RecordedMachine
 
 pytest.importorskip("mujoco")

@@ -5,17 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_benchmark.cases.case import Case, CaseKind
+from crane_benchmark import Case, CaseKind
 from crane_benchmark.cases.simulators import drawn_machine, load_seen, save_clean
 from crane_benchmark.scores.truth import NOTHING_LEFT, CaseTruth
-from crane_model.machine import load_machine
+from crane_model import load_machine, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 from crane_sim.calibration import moved
+from crane_trajectory import load_clearance, load_trajectory, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
 
 SEEDS = range(40, 46)  # of machines
 KINDS = {False: "surveyed, to 0.2 %", True: "off by up to 3 %"}

@@ -30,7 +30,7 @@ from known_crane import write_known_model
 
 from crane_interfaces.msg import DriverState
 from crane_model.machine_files import machine_file
-from crane_nodes.driver_client import DriverClient
+from crane_nodes import DriverClient
 
 MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "20"))  # s
 MOVING = 3.0  # s after the first valve command, until the experiment is well under way

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from unit.crane_observer.observed import known, recording
 
-from crane_observer.monitor.replay import SensorWatch
+from crane_observer import PositionEstimator, SensorWatch
 from crane_observer.payload.estimator import PayloadEstimator
-from crane_observer.position.estimator import PositionEstimator
 
 LOST = 1  # the outer boom, whose encoder the position estimator does without
 AT_MOST = 1.0  # ms a cycle

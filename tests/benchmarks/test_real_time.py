@@ -21,10 +21,8 @@ import pytest
 from integration.processes import free_port
 from integration.recording_graph import Process, program
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.bus import BusSettings
-from crane_driver.can.link import Link
-from crane_model.machine import load_machine
+from crane_driver import BusSettings, Link, load_layout
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.this_computer import RealTime, RealTimeSettings
 

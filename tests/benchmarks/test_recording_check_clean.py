@@ -10,16 +10,14 @@ from unit.crane_identification.recording_check.recorded import recorded
 
 from crane_benchmark.cases.motions import Maker
 from crane_identification.recording_check.check import check
-from crane_model.errors import RangeError
-from crane_model.machine import load_machine
+from crane_model import RangeError, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.calibration import calibrate
+from crane_sim import InjectedEffect, Spec, calibrate, load_simulated_crane
 from crane_sim.effects.form import Form, InjectedForm
 from crane_sim.effects.kernel import FORMS
-from crane_sim.ground_truth import InjectedEffect, Spec
-from crane_sim.parts.parameters import load_simulated_crane, vary, vary_valves
+from crane_sim.parts.parameters import vary, vary_valves
+from crane_trajectory import load_clearance
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
 
 MACHINES = 40
 RELATIVE_MAGNITUDE = 0.04  # of a hidden effect: rms over that of the drive force

@@ -7,16 +7,9 @@ import numpy as np
 from laboratory_crane import JOINTS
 from rosbags.rosbag2 import Reader
 
-from crane_bags.reader import read_topics
-from crane_bags.types import (
-    CYLINDER_PRESSURES,
-    JOINT_REFERENCE,
-    JOINT_STATES,
-    VALVE_COMMAND,
-    typestore,
-)
-from crane_bags.writer import BagWriter
-from crane_driver.velocity_filter import VelocityFilter
+from crane_bags import BagWriter, read_topics, typestore
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES, VALVE_COMMAND
+from crane_driver import VelocityFilter
 
 STEP = 5_000_000  # ns
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)

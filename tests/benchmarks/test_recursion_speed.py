@@ -10,7 +10,7 @@ from unit.crane_identification.online.online_crane import RATE, crane, motion, r
 
 from crane_identification.online.recursion import Recursion
 from crane_identification.online.replay import replay
-from crane_model.record import Record
+from crane_model import Record
 
 JOINTS, PARAMETERS, ROWS, REPEATS = 3, 20, 2000, 5
 

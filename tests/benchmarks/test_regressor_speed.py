@@ -8,9 +8,8 @@ import pinocchio as pin
 import pytest
 from unit.crane_model.pinocchio_crane import planar_crane, random_bodies
 
+from crane_model import Model, Record, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
 
 REPEATS = 7
 AT_LEAST = 5.0  # times as fast

@@ -7,27 +7,18 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from crane_identification.data.log import Log, Signal
-from crane_identification.data.recording_log import read_bag
-from crane_identification.fitting import fit
-from crane_identification.options import Options
+from crane_identification import Log, Options, Signal, fit, read_bag
 from crane_identification.preparation.prepare import prepare
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.motion import MotionEstimator
 from crane_identification.signals.routes import ButterworthDifferentiator, FourierFit
-from crane_model.machine import load_machine
+from crane_model import Model, load_machine, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
+from crane_sim import Plant, Sensors, load_simulated_crane, record
 from crane_sim.make_bag import write_bag
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.closed_loop import record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
 from crane_sim.true_values import true_parameters
+from crane_trajectory import load_clearance, load_trajectory, plan
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
 
 PERIODS = 5
 USUAL = 2.5  # Hz, ten times the highest frequency of the reference

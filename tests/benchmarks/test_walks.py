@@ -12,14 +12,11 @@ from typing import Any
 
 import pytest
 
-from crane_identification.data.log import Log
-from crane_identification.data.recording_log import read_bag
+from crane_identification import Log, Options, fit, read_bag
 from crane_identification.diagnosis.diagnosis import diagnose
-from crane_identification.fitting import fit
-from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
+from crane_model import Model, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import main as make_bag
 
 RETURNS_OF_FIT = 22

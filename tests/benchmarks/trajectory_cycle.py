@@ -12,14 +12,12 @@ import numpy as np
 from known_crane import known_model
 from sensor_msgs.msg import JointState
 
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
+from crane_trajectory import Experiment, load_clearance, load_trajectory, plan
 from crane_trajectory.control.choice import controller
 from crane_trajectory.control.controller import Controller, Tuning, load_gains
-from crane_trajectory.experiment import Experiment
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import ReferenceClock, plan
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.motion import ReferenceClock
 from crane_trajectory.trajectory_topics import command_message, reference_message, sample
 
 PERIOD = 0.005  # s

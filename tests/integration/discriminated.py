@@ -19,8 +19,8 @@ from crane_model.configuration import save
 from crane_model.machine_files import machine_file
 from crane_model.terms import REGISTRY
 from crane_sim.make_bag import main as make_bag
+from crane_trajectory import FourierTrajectory, load_trajectory
 from crane_trajectory.design import main as design
-from crane_trajectory.motion.periodic import FourierTrajectory, load_trajectory
 
 MODEL = machine_file("model.yaml")
 NOISE = "pressure_noise: 5.0e+4"  # Pa: transducers of half a bar

@@ -36,13 +36,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.bus import BusSettings
-from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver import BusSettings, DriverCodec, Link, MachineCodec, load_layout
 from crane_driver.can.frame import STEP, TIME, Frame, told_time
-from crane_driver.can.link import Link
 from crane_interfaces.msg import CylinderPressures
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_nodes.executor import KeptExecutor, Polled
 from crane_nodes.node_time import CLOCK_TOPIC, NEWEST_TICK, NodeTime, Pacing

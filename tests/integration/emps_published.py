@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.log import Log
+from crane_identification import ColumnMap, Covariance, Log, Options
 from crane_identification.data.table_log import read_table
-from crane_identification.options import Covariance, Options
 from crane_identification.signals.routes import ButterworthDifferentiator
 from crane_model.configuration import load, packaged
 

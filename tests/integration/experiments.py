@@ -19,7 +19,7 @@ from unique_identifier_msgs.msg import UUID
 
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import JointReference, ValveCommand
-from crane_trajectory.experiment import Outcome
+from crane_trajectory import Outcome
 
 Feedback = RunExcitation.Impl.FeedbackMessage
 TRAJECTORY = RUN.format(module="crane_trajectory.trajectory_node")

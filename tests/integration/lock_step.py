@@ -17,6 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
+from crane_bags import typestore
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     GENERALIZED_FORCES,
@@ -26,11 +27,9 @@ from crane_bags.types import (
     VALVE_COMMAND,
     VALVE_OUTPUT,
     double_fields,
-    typestore,
 )
 from crane_interfaces.msg import ValveCommand
-from crane_nodes import this_computer
-from crane_nodes.driver_client import DriverClient
+from crane_nodes import DriverClient, this_computer
 from crane_nodes.executor import KeptExecutor
 from crane_nodes.node_time import nanoseconds
 

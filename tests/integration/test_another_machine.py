@@ -8,8 +8,8 @@ import yaml
 from integration.driver_stage import Stage
 from integration.experiments import PERIOD, Experiments
 
-from crane_model.machine import load_machine
-from crane_trajectory.experiment import Outcome
+from crane_model import load_machine
+from crane_trajectory import Outcome
 
 NAME = "excavator"
 DIG = {

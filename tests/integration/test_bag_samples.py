@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 from laboratory_crane import PLANAR_JOINTS
 
-from crane_bags.reader import read_topics
+from crane_bags import Topic, read_topics
 from crane_bags.storage import open_bag
-from crane_bags.types import Topic
-from crane_identification.data.recording_log import read_bag
-from crane_model.errors import DataError
+from crane_identification import read_bag
+from crane_model import DataError
 
 SINGLE, SPLIT = "sqlite3/convert_a", "sqlite3/wbag"
 

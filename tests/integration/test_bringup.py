@@ -16,16 +16,14 @@ from integration.processes import DRIVER, IMPATIENT
 from integration.workshop import OFFSETS, VALVES, WIRING, Tool, Workshop
 from laboratory_crane import JOINTS
 
+from crane_driver import VelocityFilter
 from crane_driver.can.mapping import Mapping
 from crane_driver.operator.bringup.results import DeadBands, Result
-from crane_driver.velocity_filter import VelocityFilter
+from crane_model import load_machine, load_model
 from crane_model.configuration import load
-from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 from crane_model.sensors import in_counts
-from crane_sim.parts.parameters import load_simulated_crane
-from crane_sim.plant.plant import Plant
+from crane_sim import Plant, load_simulated_crane
 from crane_trajectory.control.controller import command, load_gains
 
 MEASURED = ("inner_boom", "outer_boom")

@@ -10,10 +10,10 @@ from unit.crane_identification.recording_check.recorded import packaged_motion, 
 from crane_identification.check_recording import main as check_recording
 from crane_identification.diagnose import main as diagnose
 from crane_identification.identify import main as identify
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
+from crane_sim import load_simulated_crane
 from crane_sim.make_bag import write_bag
-from crane_sim.parts.parameters import load_simulated_crane
 
 MODEL = str(machine_file("model.yaml"))
 CAUSE = "telescope: chambers A and B are exchanged"

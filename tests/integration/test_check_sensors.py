@@ -10,9 +10,9 @@ from unit.crane_observer.observed import known
 
 from crane_identification.identify import main as identify
 from crane_identification.recording_check.check import faulty_sensors
+from crane_model import save_model
 from crane_model.configuration import load
 from crane_model.machine_files import machine_file
-from crane_model.model_file import save_model
 from crane_observer.check_sensors import main as check_sensors
 from crane_observer.monitor.tolerance import Tolerance
 from crane_sim.make_bag import main as make_bag

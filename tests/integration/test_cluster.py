@@ -10,15 +10,10 @@ from distributed import LocalCluster
 
 from crane_benchmark import benchmark
 from crane_benchmark.cases.case_sets import CaseSet, cases
-from crane_identification import identify
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.recording_log import read_bag
-from crane_identification.fitting import fit
-from crane_identification.options import Estimator, Options
+from crane_identification import ColumnMap, Estimator, Options, fit, identify, read_bag
 from crane_identification.scale.cluster import fit_on_cluster
-from crane_model.errors import ConfigurationError, DataError
+from crane_model import ConfigurationError, DataError, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 from crane_sim import make_bag
 
 MODEL = machine_file("model.yaml")

@@ -14,9 +14,8 @@ from unit.crane_observer.observed import known
 
 from crane_interfaces.msg import DriverState, PositionEstimate
 from crane_interfaces.srv import SubstituteEncoder
-from crane_model.machine import load_machine
-from crane_model.model_file import save_model
-from crane_nodes.driver_client import DriverClient
+from crane_model import load_machine, save_model
+from crane_nodes import DriverClient
 
 SENSOR = RUN.format(module="crane_observer.node.position_estimator_node")
 POSE = ["slew=0", "inner_boom=0.5", "outer_boom=-1.3", "telescope=0.6"]

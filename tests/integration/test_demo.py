@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from left_behind import alive_with
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import JOINT_STATES, VALVE_COMMAND
 
 DEMO = Path(__file__).parents[2] / "scripts" / "demo" / "demo.py"

@@ -19,9 +19,9 @@ from integration.emps_published import (
 )
 from scipy.io import loadmat
 
-from crane_identification.fitting import fit
+from crane_identification import fit
+from crane_model import load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 from crane_model.terms.single_axis import Offset
 
 MODEL = machine_file("model.yaml")

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from crane_benchmark.folders import Folders, done, new
+from crane_benchmark import Folders, Judgement
+from crane_benchmark.folders import done, new
 from crane_benchmark.scores import lock
-from crane_benchmark.scores.judgement import Judgement
 
 CASES = 1  # a single effect
 

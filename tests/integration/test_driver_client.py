@@ -24,7 +24,8 @@ from rclpy.node import Node
 from crane_driver.operator.bringup.crane_client import CraneClient
 from crane_driver.operator.jog.jog_node import Jog
 from crane_interfaces.msg import DriverState
-from crane_nodes.driver_client import DRIVER_SILENCE_S, DriverClient
+from crane_nodes import DriverClient
+from crane_nodes.driver_client import DRIVER_SILENCE_S
 from crane_nodes.managed import Stop
 from crane_trajectory.run_excitation_node import RunExcitationClient
 from crane_trajectory.trajectory_node import Trajectory

@@ -22,10 +22,9 @@ from integration.faults import (
 )
 from integration.processes import DRIVER, IMPATIENT, end, start
 
-from crane_driver.can.codec import DriverCodec
-from crane_driver.safety.commands import load_safety
+from crane_driver import DriverCodec, load_safety
 from crane_interfaces.msg import ValveCommand
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 SAFETY = load_safety(machine_file("safety.yaml"), load_machine())

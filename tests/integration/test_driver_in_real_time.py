@@ -13,8 +13,8 @@ from integration.faults import DRIVER, fault, ramped, seconds_told, swing
 from integration.processes import TIMING
 from integration.real_time import need_real_time
 
-from crane_driver.safety.commands import load_safety
-from crane_model.machine import load_machine
+from crane_driver import load_safety
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 pytestmark = pytest.mark.realtime

@@ -15,14 +15,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.bus import BusSettings
-from crane_driver.can.codec import DriverCodec, MachineCodec
-from crane_driver.can.link import Link
+from crane_driver import BusSettings, DriverCodec, Link, MachineCodec, load_layout
 from crane_driver.driver_node import main
 from crane_interfaces.msg import DriverState, ValveCommand
 from crane_interfaces.srv import SubstituteEncoder
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 MACHINE = load_machine()

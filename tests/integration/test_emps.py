@@ -19,10 +19,8 @@ from integration.emps_published import (
     recording,
 )
 
-from crane_identification.data.log import Log
-from crane_identification.fitting import FitResult, fit, validate
-from crane_identification.options import Options
-from crane_model.model_file import Model, load_model
+from crane_identification import FitResult, Log, Options, fit, validate
+from crane_model import Model, load_model
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,11 @@ from pathlib import Path
 import pytest
 from integration.emps_published import recording
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Options, Signal
 from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
-from crane_model.model_file import load_model
+from crane_model import load_model
 
 SYMMETRIC = """
 name: EMPS, friction alike in both directions

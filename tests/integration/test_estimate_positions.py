@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import JOINTS, known
 
+from crane_model import save_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import save_model
 from crane_observer.estimate_positions import PICTURE, TABLE, main
 from crane_sim.make_bag import main as make_bag
 

@@ -13,7 +13,7 @@ from known_crane import write_known_model
 
 from crane_interfaces.msg import TipLoad
 from crane_model.machine_files import machine_file
-from crane_trajectory.experiment import Outcome
+from crane_trajectory import Outcome
 
 PAYLOAD_ESTIMATOR = RUN.format(module="crane_observer.node.payload_estimator_node")
 LOAD = 60.0  # kg, which no model knows of

@@ -15,8 +15,8 @@ from lifecycle_msgs.msg import Transition
 from std_srvs.srv import Trigger
 
 from crane_interfaces.action import RunExcitation
-from crane_model.model_file import load_model
-from crane_trajectory.experiment import Outcome
+from crane_model import load_model
+from crane_trajectory import Outcome
 from crane_trajectory.motion.periodic import Probe
 
 FALLEN_BACK = "pressures lost: using the load of the model"

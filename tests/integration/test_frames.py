@@ -9,8 +9,7 @@ import pytest
 from integration.driver_stage import Stage
 
 from crane_machines import shipped
-from crane_model.kinematics import tip_position
-from crane_model.machine import load_machine
+from crane_model import load_machine, tip_position
 
 
 @pytest.mark.parametrize("name", shipped())

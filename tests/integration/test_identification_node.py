@@ -30,13 +30,12 @@ from unit.crane_identification.online.online_crane import (
     record_log,
 )
 
-from crane_identification.data.log import Log
+from crane_identification import Log
 from crane_identification.online.estimator import OnlineOptions
 from crane_identification.online.identification_node import main
 from crane_identification.online.replay import replay
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
-from crane_model.model_file import load_model
-from crane_model.record import Record
+from crane_model import Record, load_model
 
 DEEP = QoSProfile(depth=2000)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

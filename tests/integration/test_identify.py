@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from ament_index_python.packages import get_package_prefix
 
+from crane_model import load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 
 MODEL = machine_file("model.yaml")
 

@@ -10,7 +10,7 @@ import pytest
 from ament_index_python.packages import get_package_prefix
 from laboratory_crane import PLANAR_JOINTS
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
 from crane_model.machine_files import machine_file
 from crane_sim import make_bag

@@ -15,7 +15,7 @@ from integration.processes import PATIENCE, free_port
 
 from crane_driver.driver_parameters import driver_parameters
 from crane_identification.online.identification_node import PARAMETERS as IDENTIFICATION
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
 from crane_observer.node.payload_estimator_node import PARAMETERS as PAYLOAD_ESTIMATOR
 from crane_observer.node.position_estimator_node import PARAMETERS as POSITION_ESTIMATOR

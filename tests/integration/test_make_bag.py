@@ -10,18 +10,17 @@ from ament_index_python.packages import get_package_prefix
 from known_crane import write_known_model
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 
-from crane_bags.reader import TopicData, read_topics
+from crane_bags import TopicData, read_topics
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
 )
-from crane_model.cylinders import generalized_forces
-from crane_model.machine import load_machine
+from crane_model import generalized_forces, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.make_bag import main as make_bag
-from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory import load_trajectory
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
 TRAJECTORY = machine_file("excitation_20s.yaml")

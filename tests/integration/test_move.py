@@ -11,8 +11,7 @@ from laboratory_crane import JOINTS
 from rclpy.publisher import Publisher
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from crane_model.kinematics import tip_position
-from crane_model.machine import load_machine
+from crane_model import load_machine, tip_position
 
 MOVE = RUN.format(module="crane_trajectory.move_node")
 TOPIC = "/trajectory/joint_trajectory"

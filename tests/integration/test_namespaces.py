@@ -14,7 +14,7 @@ from integration.test_manual_nodes import INHERITED, NODES
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 
-from crane_identification.data.recording_log import read_bag
+from crane_identification import read_bag
 
 RECORDER = RUN.format(module="crane_nodes.recording.recorder_node")
 TRAVEL = 0.02  # rad

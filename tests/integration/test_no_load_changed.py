@@ -4,12 +4,10 @@ from pathlib import Path
 
 from integration.discriminated import MODEL, RECORDINGS, HiddenCase, narrowly_recorded
 
-from crane_identification.data.recording_log import read_bag
+from crane_identification import Options, fit, read_bag
 from crane_identification.estimation.prior import load_prior
-from crane_identification.fitting import fit
-from crane_identification.options import Options
 from crane_identification.recording_check.loads import split_by_load
-from crane_model.model_file import load_model
+from crane_model import load_model
 from crane_model.progress_bar import silent
 
 # The telescope moves at one speed.

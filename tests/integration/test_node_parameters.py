@@ -13,7 +13,8 @@ from rclpy.parameter import Parameter
 
 from crane_model.configuration import bounds
 from crane_model.machine_files import machine_file
-from crane_nodes.parameters import Number, Numbers, Switch, Text, declare, hold
+from crane_nodes import Number, Numbers, Switch, Text, declare
+from crane_nodes.parameters import hold
 from crane_trajectory.control.controller import JointGains
 from crane_trajectory.trajectory_node import Trajectory
 

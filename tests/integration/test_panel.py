@@ -11,7 +11,7 @@ from integration.browser import installed
 from integration.driver_stage import Stage
 from integration.processes import end, start
 
-from crane_driver.operator.panel.pages import LONGEST_REASON_CHARACTERS
+from crane_driver import constants
 
 websockets = pytest.importorskip("websockets", reason="websockets is not installed (make view)")
 
@@ -214,7 +214,9 @@ def test_a_reason_that_a_page_gives_is_shown_to_others_as_its_words(
         shown = lost_page(other)
         assert f'it said "{reason[:7].replace(chr(0x10FFFF), "?")}' in shown
         assert re.fullmatch("[ -~]*", shown)
-        assert len(shown) < LONGEST_REASON_CHARACTERS + 60  # with its address, and when it was lost
+        assert (
+            len(shown) < constants.LONGEST_REASON_CHARACTERS + 60
+        )  # with its address, and when it was lost
 
 
 def test_a_reason_that_is_no_text_ends_that_page_alone(panel: Served) -> None:

@@ -10,7 +10,7 @@ import pytest
 from integration.browser import installed
 from integration.driver_stage import Stage
 
-from crane_driver.operator.panel.pages import LARGEST_MESSAGE_BYTES, MOST_PAGES
+from crane_driver import constants
 
 websockets = pytest.importorskip("websockets", reason="websockets is not installed (make view)")
 
@@ -67,7 +67,7 @@ def full(panel: Served) -> Iterator[list[ClientConnection]]:
         def filled() -> bool:
             """Until those of the test before have all ended."""
             try:
-                while len(pages) < MOST_PAGES:
+                while len(pages) < constants.MOST_PAGES:
                     visitor = stack.enter_context(visit(panel))
                     heard(visitor, "picture")
                     answer_pictures(visitor)
@@ -87,7 +87,7 @@ def test_pages_beyond_the_limit_are_refused_until_another_one_is_closed(
         heard(visitor, "picture")
     assert refused.value.rcvd
     assert refused.value.rcvd.code == 1013
-    assert f"limit {MOST_PAGES}" in refused.value.rcvd.reason
+    assert f"limit {constants.MOST_PAGES}" in refused.value.rcvd.reason
     full[0].close()
 
     def opens() -> bool:
@@ -105,7 +105,7 @@ def test_a_page_beyond_the_limit_stops_the_crane_all_the_same(
     stage.enabled()
     with Page(installed(), panel.url, *size) as page:
         until(lambda: "Stop works from here" in text(page, "loss"))
-        assert f"limit {MOST_PAGES}" in text(page, "loss")
+        assert f"limit {constants.MOST_PAGES}" in text(page, "loss")
         assert page.evaluate("document.getElementById('enable').disabled")
         assert page.evaluate("document.getElementById('arm').disabled")
         assert page.press("stop")
@@ -124,7 +124,7 @@ def test_a_page_beyond_the_limit_stops_the_crane_all_the_same(
         ({"Origin": "null"}, "", 403),
         ({}, "", 403),
         ({"Host": "evil.example", "Origin": "http://evil.example"}, "", 403),
-        ({"Origin": "{own}"}, " " * (LARGEST_MESSAGE_BYTES + 1), 400),
+        ({"Origin": "{own}"}, " " * (constants.LARGEST_MESSAGE_BYTES + 1), 400),
     ],
     ids=["another", "null", "none", "host", "long"],
 )
@@ -140,7 +140,7 @@ def test_a_stop_that_no_page_of_the_panel_asks_for_is_refused(
 
 def test_a_stop_without_a_line_answers_what_the_driver_did(stage: Stage, panel: Served) -> None:
     stage.disabled()
-    status, said = posted(panel, {"Origin": panel.url}, " " * LARGEST_MESSAGE_BYTES)
+    status, said = posted(panel, {"Origin": panel.url}, " " * constants.LARGEST_MESSAGE_BYTES)
     assert status == 200
     assert json.loads(said) == {"answer": "stop", "success": True, "message": "emergency stop"}
     stage.until(lambda: stopped(stage))

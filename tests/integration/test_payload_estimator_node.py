@@ -18,11 +18,11 @@ from std_srvs.srv import Trigger
 from unit.crane_observer.observed import JOINTS, known, recording
 
 from crane_interfaces.msg import CylinderPressures, SensorFindings, TipLoad
+from crane_model import load_model, save_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model, save_model
+from crane_observer import HeardRecording
 from crane_observer.node.payload_estimator_node import distrusted
 from crane_observer.payload.estimator import HEADINGS, PayloadEstimator, lifts, replay
-from crane_observer.recording import HeardRecording
 
 NODE = RUN.format(module="crane_observer.node.payload_estimator_node")
 DEEP = QoSProfile(depth=1000)

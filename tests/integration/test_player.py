@@ -15,16 +15,10 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from crane_bags.reader import read_topics
+from crane_bags import BagWriter, read_topics, typestore
 from crane_bags.storage import open_bag
-from crane_bags.types import (
-    CYLINDER_PRESSURES,
-    JOINT_STATES,
-    ROBOT_DESCRIPTION,
-    VALVE_COMMAND,
-    typestore,
-)
-from crane_bags.writer import BagWriter, offered_qos
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, ROBOT_DESCRIPTION, VALVE_COMMAND
+from crane_bags.writer import offered_qos
 from crane_interfaces.msg import CylinderPressures, ValveCommand
 
 STEP = 5_000_000  # ns

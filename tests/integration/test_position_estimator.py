@@ -19,10 +19,9 @@ from sensor_msgs.msg import JointState
 from unit.crane_observer.observed import JOINTS, known, recording
 
 from crane_interfaces.msg import CylinderPressures, PositionEstimate, ValveCommand
-from crane_model.model_file import save_model
-from crane_observer.position.estimator import PositionEstimator
+from crane_model import save_model
+from crane_observer import HeardRecording, PositionEstimator
 from crane_observer.position.replay import replay
-from crane_observer.recording import HeardRecording
 
 NODE = RUN.format(module="crane_observer.node.position_estimator_node")
 POSE = ["slew=0", "inner_boom=0.5", "outer_boom=-1.3", "telescope=0.6"]

@@ -19,14 +19,14 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
 )
-from crane_model.errors import DataError
+from crane_model import DataError
 from crane_nodes.node_time import TAKEN_PROFILE, stamp_of
 from crane_nodes.recording.statistics import SHORTEST_SILENCE_S
 

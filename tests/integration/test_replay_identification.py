@@ -9,12 +9,12 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from integration.recording_graph import LATCHED, Graph, graph, run
 
-from crane_identification.data.recording_log import read_bag
+from crane_identification import read_bag
 from crane_identification.online.estimator import OnlineOptions
 from crane_identification.online.replay import replay
 from crane_interfaces.msg import ParameterEstimate
+from crane_model import load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 
 FORGETTING = 0.9999
 TOPICS = ("/joint_states", "/cylinder_pressures")

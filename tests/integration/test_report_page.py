@@ -5,9 +5,8 @@ from integration.browser import Opened, installed, run
 from integration.browser import opened as open_page
 from unit.crane_identification.report.synthetic_crane import TRUE_VALUES, crane_model, record_crane
 
-from crane_identification.fitting import fit
+from crane_identification import Options, fit
 from crane_identification.online.replay import recursion
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report import page
 from crane_identification.report.content import IdentificationReport, Provenance

@@ -20,8 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from crane_machines import shipped
-from crane_model.kinematics import forward_kinematics
-from crane_model.machine import load_machine
+from crane_model import forward_kinematics, load_machine
 from crane_model.urdf import urdf
 from crane_nodes.driver_client import LATCHED
 

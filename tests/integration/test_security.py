@@ -23,7 +23,7 @@ from rclpy.node import Node
 
 from crane_driver.operator.bringup.crane_client import CraneClient
 from crane_interfaces.msg import DriverState
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_nodes.driver_client import LATCHED, STATE_TOPIC
 from crane_nodes.managed import Stop
 from crane_nodes.recording.bag import RecordedBag

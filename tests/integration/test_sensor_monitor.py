@@ -13,11 +13,11 @@ from integration.processes import PATIENCE, RUN, start
 from unit.crane_observer.observed import known
 
 from crane_interfaces.msg import DriverState, SensorFindings, ValveCommand
+from crane_model import Model, save_model
 from crane_model.configuration import save
-from crane_model.model_file import Model, save_model
-from crane_nodes.driver_client import DriverClient
+from crane_nodes import DriverClient
+from crane_observer import unlearnt
 from crane_observer.monitor.replay import Heed
-from crane_observer.monitor.tolerance import unlearnt
 
 MONITOR = RUN.format(module="crane_observer.node.sensor_monitor_node")
 POSE = ["slew=0", "inner_boom=0.5", "outer_boom=-1.3", "telescope=0.6"]

@@ -14,12 +14,10 @@ from integration.driver_stage import FRAMES
 from integration.processes import MACHINE, PATIENCE, end, free_port, start
 from known_crane import write_known_model
 
-from crane_driver.can.binding import load_layout
-from crane_driver.can.bus import BusSettings
-from crane_driver.can.codec import DriverCodec, Readings
+from crane_driver import BusSettings, DriverCodec, Link, load_layout
+from crane_driver.can.codec import Readings
 from crane_driver.can.frame import TIME, step_frame, told_time
-from crane_driver.can.link import Link
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.simulated_crane import main
 

@@ -8,7 +8,7 @@ from integration.driver_stage import Stage
 from integration.experiments import TRAJECTORY, Experiments
 from integration.processes import end
 
-from crane_trajectory.experiment import Outcome
+from crane_trajectory import Outcome
 
 BROKEN = """
 import {module} as module

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 
 from crane_interfaces.action import RunExcitation
 from crane_nodes.managed import UNNAMED
-from crane_trajectory.experiment import Outcome
+from crane_trajectory import Outcome
 from crane_trajectory.run_excitation_action import LONGEST_MESSAGE
 
 ALIASES = "\n".join(f"x{i}: &x{i} [*x{i - 1}, *x{i - 1}]" for i in range(1, 20))

@@ -21,8 +21,8 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from crane_bags import BagWriter
 from crane_bags.types import CYLINDER_PRESSURES, DRIVER_STATE, JOINT_STATES, VALVE_COMMAND
-from crane_bags.writer import BagWriter
 from crane_interfaces.msg import DriverState, GeneralizedForces, ParameterEstimate
 
 pytest.importorskip("rerun", reason="Rerun is not installed (make view)")

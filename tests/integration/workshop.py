@@ -24,12 +24,9 @@ from integration.processes import (
 )
 
 from crane_bags.clocks import NANOSECONDS
-from crane_driver.can.binding import load_layout
-from crane_driver.can.bus import BusSettings
-from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver import BusSettings, DriverCodec, Link, MachineCodec, load_layout
 from crane_driver.can.frame import TIME, told_time
-from crane_driver.can.link import Link
-from crane_model.machine import load_machine
+from crane_model import load_machine
 from crane_model.machine_files import machine_file
 
 BRINGUP = RUN.format(module="crane_driver.operator.bringup.main")

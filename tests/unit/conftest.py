@@ -9,7 +9,8 @@ import pytest
 from rosbags.interfaces import Qos
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from crane_bags.types import JOINT_STATES, typestore
+from crane_bags import typestore
+from crane_bags.types import JOINT_STATES
 
 Message = tuple[int, bytes]  # log time [ns], CDR
 

@@ -9,31 +9,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from crane_bags.clocks import MAX_JUMP_NS
+from crane_driver import constants
 from crane_driver.can.codec import Readings
 from crane_driver.can.layout import Layout, MessageLayout
 from crane_driver.can.mapping import Timing
-from crane_driver.can.stream import (
-    LARGEST_CLOCK_DRIFT,
-    Beat,
-    FrameStream,
-    SamplingClock,
-    find_beat,
-    measured_cycle,
-)
-
-# Frames of each message, after which it is known which counters belong together
-LEARNING_FRAMES = 60
-LONGEST_LEARNING_RATIO = 4  # times as many, after which devices sample at different instants
-LEARN_AGAIN_FRAMES = 20  # frames after which it is tried again
-MOST_WAITING_FRAMES = 500  # frames of a message, on average
-# Cycles between prompt frames, below which they are of one instant of sampling
-SAME_INSTANT_CYCLES = 0.25
-# Cycles, beyond which devices with clocks of their own have drifted by a whole one
-DRIFTED_APART_CYCLES = 0.6
-# Frames in a row whose cycle cannot be told, after which all is learnt anew
-MOST_REFUSED_FRAMES = 10
-
-LONGEST_WAIT_CYCLES = 20  # cycles for which a frame is waited for
+from crane_driver.can.stream import Beat, FrameStream, SamplingClock, find_beat, measured_cycle
 
 
 class Placed(NamedTuple):
@@ -61,7 +41,9 @@ class CycleNumbers:
         self._layouts = {layout.name: layout for layout in messages}
         self._missing = timing.missing
         alone = len(messages) == 1  # of nothing that it could be confused with
-        self._least, self._refusals = (1, 0) if alone else (LEARNING_FRAMES, MOST_REFUSED_FRAMES)
+        self._least, self._refusals = (
+            (1, 0) if alone else (constants.LEARNING_FRAMES, constants.MOST_REFUSED_FRAMES)
+        )
         self._streams: dict[str, FrameStream] = {}
         self._offsets: dict[str, int] = {}
         self._cycle = messages[0].cycle  # s, as measured
@@ -125,10 +107,10 @@ class CycleNumbers:
         if readings.steady - since > self._missing * self._layouts[message].cycle:
             return self.settle() + self._wait(readings)
         waiting.append(readings)
-        if len(waiting) > MOST_WAITING_FRAMES * len(self._layouts):
+        if len(waiting) > constants.MOST_WAITING_FRAMES * len(self._layouts):
             self.dropped[waiting.popleft().message] += 1
         self._waited += 1
-        ready = self._least == 1 or self._waited % LEARN_AGAIN_FRAMES == 0
+        ready = self._least == 1 or self._waited % constants.LEARN_AGAIN_FRAMES == 0
         return self._learn(self._least) if ready else []
 
     def _learn(self, least: int) -> list[Placed]:
@@ -146,7 +128,7 @@ class CycleNumbers:
         if frames < least:
             return []
         beats: dict[str, Beat] = {}
-        most = LONGEST_LEARNING_RATIO * LEARNING_FRAMES
+        most = constants.LONGEST_LEARNING_RATIO * constants.LEARNING_FRAMES
         self._cycle = self._common_cycle(received, counters)
         for name, layout in self._layouts.items():
             times, counts = np.array(received[name][-most:]), np.array(counters[name][-most:])
@@ -156,7 +138,9 @@ class CycleNumbers:
             beats[name] = beat
         first = next(iter(beats.values()))
         apart = {name: (first.base - beat.base) / self._cycle for name, beat in beats.items()}
-        alike = all(abs(value - round(value)) < SAME_INSTANT_CYCLES for value in apart.values())
+        alike = all(
+            abs(value - round(value)) < constants.SAME_INSTANT_CYCLES for value in apart.values()
+        )
         if not alike and frames < most:
             return []
         return self._begin(beats, {name: round(value) for name, value in apart.items()})
@@ -167,14 +151,14 @@ class CycleNumbers:
         """Cycle time of all messages [s]: those sampled together have one."""
         measured = [
             measured_cycle(
-                np.array(received[name][-LEARNING_FRAMES:]),
-                np.array(counters[name][-LEARNING_FRAMES:]),
+                np.array(received[name][-constants.LEARNING_FRAMES :]),
+                np.array(counters[name][-constants.LEARNING_FRAMES :]),
                 layout.cycle,
                 layout.protection.counter_count,
             )
             for name, layout in self._layouts.items()
         ]
-        if max(measured) - min(measured) > LARGEST_CLOCK_DRIFT * min(measured):
+        if max(measured) - min(measured) > constants.LARGEST_CLOCK_DRIFT * min(measured):
             return next(iter(self._layouts.values())).cycle
         return float(np.mean(measured))
 
@@ -198,7 +182,7 @@ class CycleNumbers:
         """Devices with clocks of their own drift apart: now and then one is a cycle behind."""
         first, stream = next(iter(self._streams.values())), self._streams[name]
         drift = (first.base - stream.base) / stream.cycle - self._offsets[name]
-        if abs(drift) > DRIFTED_APART_CYCLES:
+        if abs(drift) > constants.DRIFTED_APART_CYCLES:
             self._offsets[name] += 1 if drift > 0.0 else -1
 
     def _forget(self) -> None:
@@ -284,7 +268,7 @@ class Assembly:
     def _begin(self, first: Placed) -> None:
         """Numbers begin anew; what has come so far stays in pieces."""
         self._give_up(list(self._open))
-        self._epoch, self._done = first.epoch, first.number - LONGEST_WAIT_CYCLES
+        self._epoch, self._done = first.epoch, first.number - constants.LONGEST_WAIT_CYCLES
         self._clock = SamplingClock(self._cycle)
 
     def _number_by_time(self, readings: Readings) -> int:
@@ -307,7 +291,9 @@ class Assembly:
         if cycle is None:
             cycle = _Set(readings.stamp, readings.steady, dict(self._unknown))
             self._open[number] = cycle
-            self._give_up([old for old in self._open if old <= number - LONGEST_WAIT_CYCLES])
+            self._give_up(
+                [old for old in self._open if old <= number - constants.LONGEST_WAIT_CYCLES]
+            )
         elif readings.message in cycle.arrived:
             return None  # repeated
         if not proven:  # counted, if no other completes it

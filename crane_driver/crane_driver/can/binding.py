@@ -10,6 +10,7 @@ from typing import TypeVar
 from cantools.database.can import Message, Signal
 from cantools.j1939 import pgn_from_frame_id
 
+from crane_driver import constants
 from crane_driver.can.codec import SignalBits
 from crane_driver.can.dbc import (
     Dbc,
@@ -52,7 +53,6 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 
 LARGEST_FRAME_BYTES = 8  # bytes, of classical CAN
-NEUTRAL_OPENING_SHARE = 1e-6  # share of the full opening that counts as none
 QUANTITY = {"rad": "angle", "m": "length"}
 COMMAND_QUANTITIES = ("ratio", "pressure", "current")
 Entry = TypeVar("Entry")
@@ -224,7 +224,7 @@ class _Binder:
                 "full",
             )
         neutral = channel.gain * channel.raw(0.0) + channel.offset
-        if (least == 0 or most == 0) and abs(neutral) > NEUTRAL_OPENING_SHARE:
+        if (least == 0 or most == 0) and abs(neutral) > constants.NEUTRAL_OPENING_SHARE:
             self._problem(
                 key,
                 f"signal {signal_name} cannot carry 0, the nearest is {neutral:g} of the full "

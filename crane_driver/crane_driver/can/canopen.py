@@ -12,11 +12,11 @@ import canopen
 from canopen.emcy import EmcyError
 from canopen.sdo.constants import REQUEST_DOWNLOAD, RESPONSE_DOWNLOAD
 
+from crane_driver import constants
 from crane_driver.can.frame import Frame, show_id
 from crane_driver.can.mapping import EMERGENCY, HEARTBEAT, SDO_RESPONSE, Device
 from crane_driver.faults import Fault, FaultKind
 
-START_RETRY_S = 1.0  # s, between two attempts to start a device
 MESSAGE_BYTES = {HEARTBEAT: 1, EMERGENCY: 8, SDO_RESPONSE: 8}  # bytes
 PRODUCER_HEARTBEAT_TIME = 0x1017  # object: ms, two bytes
 TWO_BYTES = 0x0B  # expedited transfer whose size is indicated as two bytes
@@ -145,7 +145,10 @@ class Node:
 
     def start(self, now: float) -> None:
         """Send what is next on the way to operation, unless that was done a moment ago."""
-        if self.watch.state is NodeState.OPERATIONAL or now - self._attempted < START_RETRY_S:
+        if (
+            self.watch.state is NodeState.OPERATIONAL
+            or now - self._attempted < constants.START_RETRY_S
+        ):
             return
         self._attempted = now
         period = self.watch.device.heartbeat_period

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
+from crane_driver import constants
 from crane_driver.can.codec import Decoder, Readings, lost_frames
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout, MessageLayout
 from crane_driver.can.mapping import Timing
 from crane_driver.faults import UNUSABLE, Fault, FaultKind
 
-REMEMBERED_FRAMES = 64  # own frames: a third of a second of them
 ANOTHER_COMMANDS = "another node commands the valves ({said})"
 OWN_FRAME_RETURNED = (
     "a valve frame of this driver came back ({said}): a gateway or a recording repeats it, a "
@@ -213,7 +213,7 @@ class ForeignCommands:
 
     def __init__(self, layout: Layout):
         self._decoder = Decoder(layout.commands)
-        self._own: deque[Frame] = deque(maxlen=REMEMBERED_FRAMES)
+        self._own: deque[Frame] = deque(maxlen=constants.REMEMBERED_FRAMES)
 
     def sent(self, frame: Frame) -> None:
         self._own.append(frame)

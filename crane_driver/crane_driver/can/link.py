@@ -12,6 +12,7 @@ from typing import Self
 
 import can
 
+from crane_driver import constants
 from crane_driver.can.bus import (
     BusError,
     BusOffError,
@@ -23,19 +24,6 @@ from crane_driver.can.bus import (
 )
 from crane_driver.can.frame import Frame
 from crane_driver.faults import Fault, FaultKind
-
-POLL_PERIOD_S = 0.1  # s, longest wait for a frame before the state of the bus is looked at
-TRAIN_END_S = 5e-4  # s without a frame that end a train of them
-LONGEST_TRAIN_S = 2e-3  # s
-FIRST_REOPEN_PAUSE_S, LONGEST_REOPEN_PAUSE_S = (
-    0.1,
-    5.0,
-)  # s, before the bus is reopened; doubled at every failure
-READ_TOGETHER_S, CLOCK_READ_ATTEMPTS = (
-    20e-6,
-    5,
-)  # s, within which two clocks are read; else they are read again
-OLDEST_STAMP_S = 1.0  # s, an older stamp of a back end is of another clock
 
 
 class Link:
@@ -146,7 +134,7 @@ class Link:
             raise BusError(f"CAN bus {self._settings}: frame was not sent: {error}") from error
 
     def _run(self) -> None:
-        pause = FIRST_REOPEN_PAUSE_S
+        pause = constants.FIRST_REOPEN_PAUSE_S
         while not self._stop.is_set():
             try:
                 if self._bus is None:
@@ -156,11 +144,11 @@ class Link:
             except Exception as error:  # whatever it is, it must neither end nor hide in the thread
                 off = isinstance(error, BusOffError)
                 if self._bus is not None and self.state is not BusState.SILENT:
-                    pause = FIRST_REOPEN_PAUSE_S  # it worked in between
+                    pause = constants.FIRST_REOPEN_PAUSE_S  # it worked in between
                 self._disconnect(BusState.BUS_OFF if off else BusState.LOST)
                 self._report(FaultKind.BUS, f"{_shown(error)}; reopened in {pause:g} s")
                 self._stop.wait(pause)
-                pause = min(2 * pause, LONGEST_REOPEN_PAUSE_S)
+                pause = min(2 * pause, constants.LONGEST_REOPEN_PAUSE_S)
 
     def _connect(self) -> None:
         bus = open_bus(self._settings)
@@ -189,8 +177,10 @@ class Link:
         lacking = set(self._cycle)  # identifiers that have not come in this train
         while not self._stop.is_set():
             waiting = train < math.inf
-            message = self._bus.recv(TRAIN_END_S if waiting else POLL_PERIOD_S)
-            if waiting and (message is None or time.monotonic() - train > LONGEST_TRAIN_S):
+            message = self._bus.recv(constants.TRAIN_END_S if waiting else constants.POLL_PERIOD_S)
+            if waiting and (
+                message is None or time.monotonic() - train > constants.LONGEST_TRAIN_S
+            ):
                 train, lacking = math.inf, set(self._cycle)
                 self._wake()
             if message is None:
@@ -272,13 +262,13 @@ def _stamps(received: float) -> tuple[int, float]:
 
     Both clocks are read at one instant: a thread that is held up between the two would shift them.
     """
-    for _ in range(CLOCK_READ_ATTEMPTS):
+    for _ in range(constants.CLOCK_READ_ATTEMPTS):
         before, now, after = time.monotonic(), time.time_ns(), time.monotonic()
-        if after - before < READ_TOGETHER_S:
+        if after - before < constants.READ_TOGETHER_S:
             break
     stamp = round(received * 1e9)
     age = now - stamp
-    if not 0 <= age < OLDEST_STAMP_S * 1e9:
+    if not 0 <= age < constants.OLDEST_STAMP_S * 1e9:
         return now, before
     return stamp, before - age * 1e-9
 

@@ -15,6 +15,7 @@ import numpy as np
 from crane_bags.clocks import MAX_JUMP_NS, MAX_MISORDERED_SHARE
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
 from crane_bags.writer import BagWriter
+from crane_driver import constants
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus_log import BusLog, Clock
@@ -30,9 +31,6 @@ from crane_driver.faults import UNUSABLE, Fault
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import Machine
 from crane_model.progress_bar import progress_bar
-
-GAP_CYCLES = 3  # a gap is longer than so many median cycles
-LISTED_IDENTIFIERS = 10  # unknown identifiers that are named
 
 TABLE_SUFFIXES = (".csv", ".parquet")
 
@@ -71,7 +69,7 @@ def _cycle(sender: Sender, first: int, last: int) -> Cycle:
         median,
         float(silences[longest]),
         float(ends[longest] - first) / 1e9,
-        int(np.count_nonzero(silences > GAP_CYCLES * median)),
+        int(np.count_nonzero(silences > constants.GAP_CYCLES * median)),
     )
 
 
@@ -95,7 +93,7 @@ def describe(log: BusLog, table: LogTable) -> str:
             f"{declared:>7} {cycle.gaps:5} {cycle.longest_gap * 1e3:7.1f} ms at "
             f"{cycle.longest_gap_at:.3f} s"
         )
-    lines += ["", f"a gap is longer than {GAP_CYCLES} median cycles"]
+    lines += ["", f"a gap is longer than {constants.GAP_CYCLES} median cycles"]
     lines += [f"not decodable: {text}" for text in _failed(table)]
     if table.codes:
         counts = [f"{name}: {count} x {code}" for (name, code), count in table.codes.items()]
@@ -128,7 +126,10 @@ def _failed(table: LogTable, only: str = "") -> list[str]:
 
 
 def _unknown(table: LogTable) -> str:
-    named = [f"{name}: {count}" for name, count in table.unknown.most_common(LISTED_IDENTIFIERS)]
+    named = [
+        f"{name}: {count}"
+        for name, count in table.unknown.most_common(constants.LISTED_IDENTIFIERS)
+    ]
     more = len(table.unknown) - len(named)
     return ", ".join(named) + (f", and {more} more" if more else "")
 

@@ -6,24 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-EARLIEST_CYCLES = 0.5  # cycles, by which a frame may seem to come before it was sent
-PROMPT_WITHIN_CYCLES = 0.25  # cycles after the promptest, within which a frame is prompt as well
-OVERTAKEN_AFTER_CYCLES = 3.0  # cycles, after which no frame comes any more that was sent before
-EMPTY_PART_OF_ROUND = 3  # part of a round before prompt frames in which none may come
-LEAST_SUPPORT_PART = 8  # part of the frames that must be prompt
-LEAST_SUPPORT_FRAMES = 3  # frames
-CLOCK_WINDOW_S = 10.0  # over which the clock of a device is followed
-CLOCK_KNOWN_S = 1.0  # after which it is relied on
-PROMPT_TIMEOUT_S = 1.0  # in which one frame comes without delay, or the clock has changed
-LEAST_INTERVAL_CYCLES = 0.1  # between two instants of sampling
-LARGEST_CLOCK_DRIFT = 2e-3  # by which the clock of a device may be slow
-RESTART_SILENCE_CYCLES = 4.0  # cycles, in which a device may have restarted
-DOUBTED_FRAMES = 20  # frames in a row without a prompt one, after which it has
-TELLING_FRAMES = 30  # frames, from which on they can tell a cycle time
-CLEAR_TREND_RATIO = 4.0  # times the unevenness; a delay that ends halfway makes 2.5
-LARGEST_CYCLE_DEVIATION = 0.25  # of the nominal cycle, by which a device may send faster or slower
-# Frames in a row, in which a clock cannot drift by as much as `EARLIEST_CYCLES`
-PROMPT_AMONG_FRAMES = 200
+from crane_driver import constants
 
 
 class Beat(NamedTuple):
@@ -36,17 +19,19 @@ class Beat(NamedTuple):
 
 def measured_cycle(received: np.ndarray, counters: np.ndarray, cycle: float, count: int) -> float:
     """True cycle time [s] of a device, from evenly received frames (n,); else `cycle`."""
-    if len(received) < TELLING_FRAMES or ((np.diff(counters) % count) != 1).any():
+    if len(received) < constants.TELLING_FRAMES or ((np.diff(counters) % count) != 1).any():
         return cycle
     index = np.arange(len(received))
     slope, first = np.polyfit(index, received - received[0], 1)
     uneven = np.abs(received - received[0] - first - slope * index).max()
     off = abs(slope / cycle - 1.0)
-    clear = CLEAR_TREND_RATIO * uneven < off * cycle * len(received)
-    even = uneven < PROMPT_WITHIN_CYCLES * cycle
+    clear = constants.CLEAR_TREND_RATIO * uneven < off * cycle * len(received)
+    even = uneven < constants.PROMPT_WITHIN_CYCLES * cycle
     return (
         float(slope)
-        if even and clear and LARGEST_CLOCK_DRIFT < off < LARGEST_CYCLE_DEVIATION
+        if even
+        and clear
+        and constants.LARGEST_CLOCK_DRIFT < off < constants.LARGEST_CYCLE_DEVIATION
         else cycle
     )
 
@@ -61,27 +46,29 @@ def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: i
     late = (received / cycle - counters) % count  # cycles, from any origin
     ordered = np.sort(late)
     ends = np.searchsorted(
-        np.concatenate([ordered, ordered + count]), ordered + PROMPT_WITHIN_CYCLES
+        np.concatenate([ordered, ordered + count]), ordered + constants.PROMPT_WITHIN_CYCLES
     )
     support = ends - np.arange(len(ordered))
     best = int(support.argmax())
     before = ordered - np.roll(ordered, 1)
     before[0] += count
-    ahead = (ordered[best] - ordered[before >= count / EMPTY_PART_OF_ROUND]) % count
-    enough = min(len(late), max(LEAST_SUPPORT_FRAMES, len(late) // LEAST_SUPPORT_PART))
-    if support[best] < enough or not len(ahead) or ahead.min() > EARLIEST_CYCLES:
+    ahead = (ordered[best] - ordered[before >= count / constants.EMPTY_PART_OF_ROUND]) % count
+    enough = min(
+        len(late), max(constants.LEAST_SUPPORT_FRAMES, len(late) // constants.LEAST_SUPPORT_PART)
+    )
+    if support[best] < enough or not len(ahead) or ahead.min() > constants.EARLIEST_CYCLES:
         return None
     base = ordered[best] * cycle
     late = (late - ordered[best]) % count
     indices = np.round((received - base) / cycle - late)
     # No older one may follow the first that counts: it would be late by a whole round.
     following = np.append(np.minimum.accumulate(indices[::-1])[::-1][1:], math.inf)
-    firsts = np.flatnonzero((late < PROMPT_WITHIN_CYCLES) & (following > indices))
+    firsts = np.flatnonzero((late < constants.PROMPT_WITHIN_CYCLES) & (following > indices))
     if not len(firsts):
         return None
     first = firsts[0]
     begin, passed = float(received[first]), int(indices[first])
-    if first == 0 or begin - received[first - 1] >= OVERTAKEN_AFTER_CYCLES * cycle:
+    if first == 0 or begin - received[first - 1] >= constants.OVERTAKEN_AFTER_CYCLES * cycle:
         return Beat(base, begin, passed - 1)
     return Beat(base, math.nextafter(begin, math.inf), passed)  # others may have overtaken it
 
@@ -101,7 +88,7 @@ class FrameStream:
     def __init__(self, cycle: float, count: int, beat: Beat):
         self.cycle, self.base = cycle, beat.base
         self._count = count
-        self._overtaken = min(OVERTAKEN_AFTER_CYCLES, count // 4) * cycle
+        self._overtaken = min(constants.OVERTAKEN_AFTER_CYCLES, count // 4) * cycle
         self._passed = self._newest = beat.passed
         self._recent: deque[tuple[float, int]] = deque()  # may still be followed by older ones
         self._received = beat.received
@@ -119,20 +106,22 @@ class FrameStream:
             self._passed = max(self._passed, self._recent.popleft()[1])
         index = self._passed + 1 + (counter - self._passed - 1) % self._count
         late = (received - self.base) / self.cycle - index
-        if late < -EARLIEST_CYCLES:
+        if late < -constants.EARLIEST_CYCLES:
             self.known, self.doubtful = not self.doubtful, True
             return index - self._count, False
-        if late >= self._count - EARLIEST_CYCLES:
+        if late >= self._count - constants.EARLIEST_CYCLES:
             return index, False
-        self._late = 0 if late < EARLIEST_CYCLES else self._late + 1
+        self._late = 0 if late < constants.EARLIEST_CYCLES else self._late + 1
         self.doubtful = (
-            self.doubtful or self.silence(received) > RESTART_SILENCE_CYCLES
+            self.doubtful or self.silence(received) > constants.RESTART_SILENCE_CYCLES
         ) and self._late > 0
-        self.known = self._late <= (DOUBTED_FRAMES if self.doubtful else PROMPT_AMONG_FRAMES)
+        self.known = self._late <= (
+            constants.DOUBTED_FRAMES if self.doubtful else constants.PROMPT_AMONG_FRAMES
+        )
         self._newest = max(self._newest, index)
         self._recent.append((received, index))
         self.base = min(
-            self.base + LARGEST_CLOCK_DRIFT * (received - self._received),
+            self.base + constants.LARGEST_CLOCK_DRIFT * (received - self._received),
             received - index * self.cycle,
         )
         self._received = received
@@ -169,14 +158,16 @@ class SamplingClock:
         """
         self._extend(CycleReception(number, received))
         sampled = received
-        if received - self._hull[0].received >= CLOCK_KNOWN_S:
+        if received - self._hull[0].received >= constants.CLOCK_KNOWN_S:
             sampled = min(received, self._line(number))
         if received - sampled < self._cycle / 2:
             self._prompt = received
-        elif received - self._prompt > PROMPT_TIMEOUT_S:
+        elif received - self._prompt > constants.PROMPT_TIMEOUT_S:
             self._begin()
             sampled = received
-        self._last = min(received, max(sampled, self._last + LEAST_INTERVAL_CYCLES * self._cycle))
+        self._last = min(
+            received, max(sampled, self._last + constants.LEAST_INTERVAL_CYCLES * self._cycle)
+        )
         return self._last
 
     def _begin(self) -> None:
@@ -191,8 +182,8 @@ class SamplingClock:
         hull.append(new)
         while (
             len(hull) > 1
-            and new.received - hull[0].received > CLOCK_WINDOW_S
-            and hull[1].received < new.received - CLOCK_KNOWN_S
+            and new.received - hull[0].received > constants.CLOCK_WINDOW_S
+            and hull[1].received < new.received - constants.CLOCK_KNOWN_S
         ):
             hull.pop(0)
 

@@ -3,9 +3,6 @@
 import re
 from collections.abc import Mapping
 
-COMMAND_PERIOD_S = 0.01
-LONGEST_PAUSE_S = 0.08  # between two commands; the driver refuses the next unless it is neutral
-
 
 def by_hand(text: str, controls: Mapping[str, str]) -> str:
     """`text` with "press CONTROL" in the place of "call SERVICE".

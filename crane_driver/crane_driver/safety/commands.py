@@ -7,6 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from crane_driver import constants
 from crane_driver.faults import Fault, FaultKind
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError, CraneError, RangeError
@@ -14,12 +15,6 @@ from crane_model.machine import JointLimits, Machine
 from crane_model.machine_files import of_every_joint
 
 CommandShare = Annotated[float, Field(gt=0, lt=1)]
-
-# rad, m, before a limit where motion ends: what a valve does while it closes again
-LIMIT_MARGIN = 0.002
-FAR_TOO_FAST_SHARE = 0.2  # of the speed of Table 2, beyond what is allowed
-# Least command beyond neutral that shows the speed it gives
-LEAST_OPENING = 0.005
 
 
 class DegradedSettings(Schema):
@@ -132,7 +127,7 @@ class JointLimiter:
         self._sent = 0.0
         self._cause = 0.0  # the command that the present speed comes from
         self._was_too_fast = False
-        self._mean_speed, self._mean_opening = 0.0, LEAST_OPENING
+        self._mean_speed, self._mean_opening = 0.0, constants.LEAST_OPENING
 
     def limit(self, command: float, position: float, velocity: float, dt: float) -> float:
         """`command` (-1 to 1), or a smaller one of the same sign, `dt` [s] after the last call.
@@ -160,13 +155,13 @@ class JointLimiter:
             distance, fastest = limits.position_max - position, limits.velocity_max
         else:
             distance, fastest = position - limits.position_min, -limits.velocity_min
-        distance -= LIMIT_MARGIN
+        distance -= constants.LIMIT_MARGIN
         speed = direction * velocity
         if distance <= max(0.0, speed * self._reaction):
             return 0.0
         permitted, brake = self._share * fastest, math.sqrt(2.0 * self._deceleration * distance)
         allowed = min(permitted, brake)
-        opening = max(self._cause - self._neutral, LEAST_OPENING)
+        opening = max(self._cause - self._neutral, constants.LEAST_OPENING)
         weight = min(1.0, self._share * dt / self._correction)
         self._mean_speed += (speed - self._mean_speed) * weight
         self._mean_opening += (opening - self._mean_opening) * weight
@@ -174,7 +169,7 @@ class JointLimiter:
         bound = self._opening + (1.0 - self._opening) * allowed / fastest
         if self._was_too_fast and self._mean_speed > 0.0:
             bound = min(bound, self._neutral + self._mean_opening * allowed / self._mean_speed)
-        if speed > min(permitted + FAR_TOO_FAST_SHARE * fastest, brake):
+        if speed > min(permitted + constants.FAR_TOO_FAST_SHARE * fastest, brake):
             bound = min(bound, self._neutral + opening * allowed / speed)
         return bound
 

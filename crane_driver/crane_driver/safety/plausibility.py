@@ -4,14 +4,12 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple, Self
 
+from crane_driver import constants
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.commands import DegradedSettings, RefusedError, SafetySettings
 from crane_model.machine import JointLimits
 
-STILL_STEPS = 3.0  # of the encoder, within which a reading counts as unchanged
-
 USABLE_CONDITIONS = ("GOOD", "ENCODER_LOST")  # conditions of an estimate that may lead a joint
-CAUTION_SIGMAS = 3.0  # standard deviations, by which an estimate may be wrong
 
 
 class _Stillness:
@@ -59,7 +57,10 @@ class PositionWatch:
     ):
         """`resolution`: one step of the encoder [rad, m]; `cycle`: of its message [s]."""
         fastest = limits.top_speed
-        self._speed, self._margin = settings.jump_speed * fastest, STILL_STEPS * resolution
+        self._speed, self._margin = (
+            settings.jump_speed * fastest,
+            constants.STILL_STEPS * resolution,
+        )
         self._joint, self._cycle, self._settings = joint, cycle, settings
         self.chambers = f"{joint}.a", f"{joint}.b"  # names of its pressures
         self._driven = _Stillness(settings.opening, self._margin)
@@ -243,4 +244,4 @@ class Substitution:
         position, _ = self.motion(now)
         if self._newest is None or not command:
             return position
-        return position + math.copysign(CAUTION_SIGMAS * self._newest.deviation, command)
+        return position + math.copysign(constants.CAUTION_SIGMAS * self._newest.deviation, command)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
 from typing import NamedTuple, Self
 
+from crane_driver import constants
 from crane_driver.faults import IN_EVERY_STATE, Fault, FaultKind
 from crane_driver.safety.commands import (
     CommandSeries,
@@ -17,8 +18,6 @@ from crane_driver.safety.commands import (
 )
 from crane_driver.safety.plausibility import FaultyEncoders, JointEstimate, Substitution
 from crane_model.machine import Machine
-
-LONGEST_STEP_S = 0.05  # s; after a longer pause ramp and limiters go on as if it had been this one
 
 
 class SafetyState(StrEnum):
@@ -325,7 +324,7 @@ class Supervisor:
 
     def output(self, now: float) -> Output:
         """Commands to send at `now`; call it in every cycle."""
-        dt = min(now - self._stepped, LONGEST_STEP_S)
+        dt = min(now - self._stepped, constants.LONGEST_STEP_S)
         self._stepped = now
         if self.letting_through:
             self._judge_age(now)

@@ -28,7 +28,10 @@ def add_recordings(
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose a part of each recording, and the namespace of a bag."""
+    """Add the options that say what is read: columns, a part, a rate, a namespace."""
+    parser.add_argument(
+        "--columns", type=Path, help="column map (YAML) of tables, or of your topics"
+    )
     parser.add_argument(
         "--from",
         dest="begin",

@@ -254,11 +254,10 @@ def identify_motion(machine: Machine, joint: str, logs: Sequence[Log]) -> JointH
         for gain, std in zip(gains, std_devs, strict=True)
     )
     valve = _valve_of_speeds(measured_spool(found), forth, back)
-    oil = ("bulk_modulus", "dead_volume_a", "dead_volume_b", "leakage")
     return JointHydraulics(
         valve=valve,
         undetermined=undetermined(valve.by_name)
-        | {name: f"pressure transducers, then {discriminated_by(name)}" for name in oil},
+        | {name: f"pressure transducers, then {discriminated_by(name)}" for name in OIL},
         unexplained=found.unexplained,
     )
 

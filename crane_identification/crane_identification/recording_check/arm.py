@@ -11,20 +11,9 @@ from scipy.optimize import lsq_linear
 from crane_identification.data.log import Log
 from crane_identification.data.resample import resample
 from crane_identification.notation import spoken
+from crane_identification.recording_check import limits
 from crane_identification.recording_check.forces import TINY, LongestRun
-from crane_identification.recording_check.suspicion import (
-    ARM_BANDWIDTH,
-    BETTER,
-    CORRELATED,
-    FORCE_SETTLING_S,
-    LEAST_MOTION,
-    NEGATIVE_SIGMAS,
-    POOR,
-    ROWS,
-    SLOW,
-    UNEXPLAINED,
-    Suspicion,
-)
+from crane_identification.recording_check.suspicion import Suspicion
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
 from crane_model.machine import Machine
@@ -34,11 +23,6 @@ from crane_model.record import Record
 TURNS = {"+90°": np.pi / 2, "-90°": -np.pi / 2, "180°": np.pi}  # that a zero may be off
 FACTOR_ROUNDS = 1000  # of finding factors and parameters in turn
 UNDONE = ("direction", "turn", "sign")
-SAME_LEFT = 1.1  # times as much may be left by the likelier mistake
-LEAST_STEP = 0.9  # of what was left, at most, if one more mistake is undone
-IMPERFECT = 0.015  # of the force unexplained, from which on units are compared
-LEAST_RATIO = 1.3  # of two factors that are units, and not what sensors or gears vary by
-SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
 
 
 @dataclass(frozen=True)
@@ -53,7 +37,7 @@ class ArmMotion:
     def of(cls, log: Log, machine: Machine | None) -> "ArmMotion":
         """The longest run without a gap; `DataError` if it is too short or nothing moves."""
         samples = resample(log)
-        run = LongestRun(samples, ARM_BANDWIDTH)
+        run = LongestRun(samples, limits.ARM_BANDWIDTH)
         step, position = run.step, run.smooth(samples.position)
         velocity = np.gradient(position, step, axis=0)
         force = samples.force
@@ -64,11 +48,13 @@ class ArmMotion:
             force = generalized_forces(
                 machine, samples.position, samples.pressure_a, samples.pressure_b, log.joints
             )
-        fast = np.abs(velocity) > SLOW * np.abs(velocity).max(axis=0)
-        around = max(1, round(FORCE_SETTLING_S / step))
+        fast = np.abs(velocity) > limits.SLOW * np.abs(velocity).max(axis=0)
+        around = max(1, round(limits.FORCE_SETTLING_S / step))
         moving = np.stack([binary_erosion(column, iterations=around) for column in fast.T], axis=1)
-        if (moving.sum() * step) < LEAST_MOTION:
-            raise DataError(f"{LEAST_MOTION:g} s of motion needed, got {moving.sum() * step:.1f} s")
+        if (moving.sum() * step) < limits.LEAST_MOTION:
+            raise DataError(
+                f"{limits.LEAST_MOTION:g} s of motion needed, got {moving.sum() * step:.1f} s"
+            )
         record = Record(
             joints=log.joints,
             time=run.time,
@@ -96,14 +82,14 @@ def signs(moved: ArmMotion) -> Iterator[Suspicion]:
         inverse = np.linalg.pinv(columns / scale, rcond=1e-6)
         found = inverse @ moved.force[rows, j]
         left = moved.force[rows, j] - columns / scale @ found
-        covariance = CORRELATED * np.mean(left**2) * (inverse @ inverse.T)
+        covariance = limits.CORRELATED * np.mean(left**2) * (inverse @ inverse.T)
         at_inertia = 1 + 3 * q.shape[1] + j
         inertia = found[at_inertia] / max(float(np.sqrt(covariance[at_inertia, at_inertia])), TINY)
         power = columns[:, -2:] / scale[-2:] @ found[-2:] * v[rows, j]
         along = (columns[:, -2:] / scale[-2:] * v[rows, j, np.newaxis]).sum(axis=0)
         doubt = float(np.sqrt(max(along @ covariance[-2:, -2:] @ along, 0.0)))
         friction = float(power.sum()) / max(doubt, TINY)
-        if inertia < -NEGATIVE_SIGMAS and friction < -NEGATIVE_SIGMAS:
+        if inertia < -limits.NEGATIVE_SIGMAS and friction < -limits.NEGATIVE_SIGMAS:
             yield Suspicion(
                 spoken(joint),
                 f"friction would feed it with {-power.mean():.3g} W on average, and its inertia "
@@ -118,7 +104,7 @@ class _Fit:
 
     def __init__(self, model: Model, moved: ArmMotion):
         self.model, self.moved = model, moved
-        every = max(1, int(moved.moving.sum()) // (ROWS * 2))
+        every = max(1, int(moved.moving.sum()) // (limits.ROWS * 2))
         used = np.zeros_like(moved.moving)
         used[::every] = moved.moving[::every]
         self.used, self.joint = used, np.nonzero(used)[1]
@@ -230,8 +216,8 @@ def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistak
         ]
         tried += together
         lefts = [_left(fit, mistakes) for mistakes in tried]
-        first = next(k for k, share in enumerate(lefts) if share <= SAME_LEFT * min(lefts))
-        if lefts[first] > LEAST_STEP * left:
+        first = next(k for k, share in enumerate(lefts) if share <= limits.SAME_LEFT * min(lefts))
+        if lefts[first] > limits.LEAST_STEP * left:
             return found, left
         found, left = tried[first], lefts[first]
 
@@ -243,20 +229,20 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
         return
     basis = fit.basis(moved.record)
     left = basis.left(fit.force)
-    if left < IMPERFECT:
+    if left < limits.IMPERFECT:
         return
     factors, by_factors = fit.factors(basis)
-    found, without = _mistakes(fit, left, factors) if left > POOR else ([], left)
+    found, without = _mistakes(fit, left, factors) if left > limits.POOR else ([], left)
     evidence = f"the model leaves {left:.0%} of the forces, without that {{:.0%}}"
-    if without < SIMPLER * by_factors and BETTER * without < left:
+    if without < limits.SIMPLER * by_factors and limits.BETTER * without < left:
         for joint, mistake in zip(model.joints, found, strict=True):
             if mistake is not RIGHT:
                 told = evidence.format(without)
                 yield Suspicion(spoken(joint), told, mistake.what, decisive=True)
     elif (
-        BETTER * by_factors < left
+        limits.BETTER * by_factors < left
         and (factors > 0.0).all()
-        and factors.max() > LEAST_RATIO * factors.min()
+        and factors.max() > limits.LEAST_RATIO * factors.min()
     ):
         named = ", ".join(
             f"{spoken(joint)} {factor:.3g}"
@@ -266,12 +252,11 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
             "forces",
             evidence.format(by_factors),
             f"each joint has another unit, as efforts in amperes have; factors that agree: {named}",
-            decisive=left > POOR,
+            decisive=left > limits.POOR,
         )
-    elif left > UNEXPLAINED:
+    elif left > limits.UNEXPLAINED:
         yield Suspicion(
             "forces",
             f"the model leaves {left:.0%} of them",
             "the model lacks something, or several signs, zeros or units are wrong",
-            decisive=False,
         )

@@ -13,31 +13,10 @@ from crane_identification.data.resample import (
     sampling_rate,
 )
 from crane_identification.notation import spoken
-from crane_identification.recording_check.suspicion import (
-    ALMOST_ALL,
-    COARSE,
-    DRIFT,
-    HELD,
-    LEAST_DRIFT,
-    LEAST_RATE,
-    OFFSET,
-    OUTSIDE,
-    REPEATED_COUNTS,
-    SLOWEST,
-    SPEED_OVER,
-    TOGETHER,
-    TOO_FAST,
-    TURN,
-    UNITS_OF_ANGLE,
-    UNITS_OF_LENGTH,
-    VISIBLE,
-    Suspicion,
-)
+from crane_identification.recording_check import limits
+from crane_identification.recording_check.suspicion import Suspicion
 from crane_identification.signals.motion import encoder_resolution
 from crane_model.machine import Machine
-
-FEWEST = 20  # messages
-LARGEST_TURN = 3  # turns that an encoder may be off
 
 
 class Lag(NamedTuple):
@@ -50,7 +29,9 @@ class Lag(NamedTuple):
 
     @property
     def drifts(self) -> bool:
-        return abs(self.drift) > DRIFT and abs(self.drift) * self.seconds > LEAST_DRIFT
+        return (
+            abs(self.drift) > limits.DRIFT and abs(self.drift) * self.seconds > limits.LEAST_DRIFT
+        )
 
 
 def clocks(log: Log) -> Iterator[Suspicion]:
@@ -68,7 +49,6 @@ def clocks(log: Log) -> Iterator[Suspicion]:
             f"stamps drift by {states.drift:+.2%} against the clock of the recorder",
             "the clock that stamps is wrong, or the bag was recorded from one played at another "
             "rate; velocities are wrong by as much",
-            decisive=False,
         )
     for signal in (log.pressure_a, log.force, log.command):
         lag = signal and _lag(signal)
@@ -83,13 +63,12 @@ def clocks(log: Log) -> Iterator[Suspicion]:
                 "the two topics are stamped by different clocks; stamp them by one",
                 decisive=signal is not log.command,
             )
-        elif abs(apart.offset) > OFFSET:
+        elif abs(apart.offset) > limits.OFFSET:
             side = "later" if apart.offset > 0.0 else "earlier"
             yield Suspicion(
                 apart.origin,
                 f"received {abs(apart.offset):.3f} s {side} than its stamps say {against}",
                 "one of the two is sent late, which does no harm, or stamped by another clock",
-                decisive=False,
             )
 
 
@@ -108,11 +87,11 @@ def _set_back(log: Log) -> Iterator[Suspicion]:
 
 
 def _lag(signal: Signal) -> Lag | None:
-    if signal.received is None or len(signal.time) < FEWEST:
+    if signal.received is None or len(signal.time) < limits.FEWEST_MESSAGES:
         return None
     time, late = signal.time, signal.received - signal.time
     # the first of the messages of each part is late by the clocks alone, others by queues too
-    parts = np.array_split(np.arange(len(time)), FEWEST)
+    parts = np.array_split(np.arange(len(time)), limits.FEWEST_MESSAGES)
     quick = np.array([part[late[part].argmin()] for part in parts])
     # the median of slopes (Theil and Sen): one wrong time of the recorder does not tilt it
     first, second = np.triu_indices(len(quick), 1)
@@ -145,7 +124,7 @@ def missing(log: Log) -> Iterator[Suspicion]:
     begin = max(signal.time[0] for signal in signals.values())
     end = min(signal.time[-1] for signal in signals.values())
     whole = log.position.time[-1] - log.position.time[0]
-    if end - begin < TOGETHER * whole:
+    if end - begin < limits.TOGETHER * whole:
         times = (f"{o} from {s.time[0]:.1f} s to {s.time[-1]:.1f} s" for o, s in signals.items())
         yield Suspicion(
             "common time",
@@ -172,7 +151,6 @@ def _gaps(signal: Signal) -> Iterator[Suspicion]:
         signal.origin,
         evidence,
         f"samples are missing; its {len(found) + 1} parts are used one by one",
-        decisive=False,
     )
 
 
@@ -180,12 +158,12 @@ def sampling(log: Log) -> Iterator[Suspicion]:
     """Find faults in the rates of a crane's signals."""
     force = log.force or log.pressure_a
     for signal in (log.position, force):
-        if signal is not None and (rate := sampling_rate(signal.time)) < SLOWEST:
+        if signal is not None and (rate := sampling_rate(signal.time)) < limits.SLOWEST:
             yield Suspicion(
                 signal.origin,
-                f"{rate:.3g} samples a second, at least {SLOWEST:g} needed",
+                f"{rate:.3g} samples a second, at least {limits.SLOWEST:g} needed",
                 "too slow for accelerations and for the swinging of the crane; record faster",
-                decisive=rate < LEAST_RATE,
+                decisive=rate < limits.LEAST_RATE,
             )
     yield from _held(log.position, log.joints)
 
@@ -193,19 +171,19 @@ def sampling(log: Log) -> Iterator[Suspicion]:
 def _held(signal: Signal, joints: tuple[str, ...]) -> Iterator[Suspicion]:
     """Positions that stand still for some samples, and then jump."""
     rate = sampling_rate(signal.time)
-    span = max(1, round(SPEED_OVER * rate))
+    span = max(1, round(limits.SPEED_OVER * rate))
     resolution = encoder_resolution(signal.value[np.isfinite(signal.value).all(axis=1)])
     for joint, value, step in zip(joints, signal.value.T, resolution, strict=True):
         travel = np.abs(value[2 * span :] - value[: -2 * span]) / (2 * span)  # a sample
-        moves = travel > REPEATED_COUNTS * step
+        moves = travel > limits.REPEATED_COUNTS * step
         repeated = (np.diff(value) == 0.0)[span : span + len(moves)][moves]
-        if len(repeated) > span and repeated.mean() > HELD:
+        if len(repeated) > span and repeated.mean() > limits.HELD:
             fresh = rate * (1.0 - repeated.mean())
             yield Suspicion(
                 spoken(joint),
                 f"{repeated.mean():.0%} of the positions in motion repeat the one before",
                 f"measured {fresh:.0f} times a second, and sent again {rate:.0f} times",
-                decisive=fresh < SLOWEST,
+                decisive=fresh < limits.SLOWEST,
             )
 
 
@@ -228,16 +206,16 @@ def positions(machine: Machine, log: Log) -> Iterator[Suspicion]:
 
 
 def _range(value: np.ndarray) -> np.ndarray:
-    return np.percentile(value, ALMOST_ALL)
+    return np.percentile(value, limits.ALMOST_ALL)
 
 
 def _fits(machine: Machine, joint: str, values: np.ndarray) -> bool:
     """Return whether the lowest and highest of `values` lie within Table 2."""
-    limits = machine.limits[joint]
-    margin = OUTSIDE * (limits.position_max - limits.position_min)
+    allowed = machine.limits[joint]
+    margin = limits.OUTSIDE * (allowed.position_max - allowed.position_min)
     return bool(
-        limits.position_min - margin <= values.min()
-        and values.max() <= limits.position_max + margin
+        allowed.position_min - margin <= values.min()
+        and values.max() <= allowed.position_max + margin
     )
 
 
@@ -245,10 +223,10 @@ def _outside(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -> Ite
     seen, unit = ranges[joint], machine.units[joint]
     if _fits(machine, joint, seen):
         return
-    limits = machine.limits[joint]
+    allowed = machine.limits[joint]
     evidence = (
         f"from {seen[0]:.4g} to {seen[1]:.4g} {unit}, but the machine file allows "
-        f"{limits.position_min:g} to {limits.position_max:g} {unit}"
+        f"{allowed.position_min:g} to {allowed.position_max:g} {unit}"
     )
     causes = list(_explanations(machine, joint, ranges))
     cause = " or ".join(causes) or "the zero of the encoder, or the machine file, is wrong"
@@ -263,14 +241,14 @@ def _explanations(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -
         if neighbour != joint and mutual:
             yield f"exchanged names: they fit the {spoken(neighbour)}, whose positions fit here"
     if angle:
-        for turns in (sign * n for n in range(1, LARGEST_TURN + 1) for sign in (1, -1)):
-            if _fits(machine, joint, seen - turns * TURN):
+        for turns in (sign * n for n in range(1, limits.MOST_TURNS + 1) for sign in (1, -1)):
+            if _fits(machine, joint, seen - turns * limits.TURN):
                 yield f"the encoder is off by {turns:+d} turn{'s' * (abs(turns) > 1)}"
     if _fits(machine, joint, -seen):
         yield "the sign is turned"
-    limits = machine.limits[joint]
-    least = VISIBLE * (limits.position_max - limits.position_min)
-    for unit, factor in (UNITS_OF_ANGLE if angle else UNITS_OF_LENGTH).items():
+    allowed = machine.limits[joint]
+    least = limits.VISIBLE * (allowed.position_max - allowed.position_min)
+    for unit, factor in (limits.UNITS_OF_ANGLE if angle else limits.UNITS_OF_LENGTH).items():
         if _fits(machine, joint, factor * seen) and factor * np.ptp(seen) > least:
             yield f"positions look like {unit}"
 
@@ -278,32 +256,32 @@ def _explanations(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -
 def _speed(
     machine: Machine, joint: str, time: np.ndarray, value: np.ndarray
 ) -> Iterator[Suspicion]:
-    limits, unit = machine.limits[joint], machine.units[joint]
-    begin = np.searchsorted(time, time - SPEED_OVER)
+    allowed, unit = machine.limits[joint], machine.units[joint]
+    begin = np.searchsorted(time, time - limits.SPEED_OVER)
     passed = time - time[begin]
-    speed = (value - value[begin])[passed > 0.5 * SPEED_OVER] / passed[passed > 0.5 * SPEED_OVER]
+    speed = (value - value[begin])[passed > 0.5 * limits.SPEED_OVER] / passed[
+        passed > 0.5 * limits.SPEED_OVER
+    ]
     if not len(speed):
         return
     down, up = _range(speed)
-    over = max(up / limits.velocity_max, down / limits.velocity_min)
-    if over > TOO_FAST:
+    over = max(up / allowed.velocity_max, down / allowed.velocity_min)
+    if over > limits.TOO_FAST:
         yield Suspicion(
             spoken(joint),
             f"speeds from {down:.3g} to {up:.3g} {unit}/s, but the machine file allows "
-            f"{limits.velocity_min:g} to {limits.velocity_max:g} {unit}/s",
+            f"{allowed.velocity_min:g} to {allowed.velocity_max:g} {unit}/s",
             "positions or times have another unit, or the machine file is of another machine",
-            decisive=False,
         )
 
 
 def _steps(machine: Machine, joint: str, value: np.ndarray) -> Iterator[Suspicion]:
     step = float(encoder_resolution(value[:, np.newaxis])[0])
     width = float(np.ptp(value))
-    if 0.0 < width < COARSE * step:
+    if 0.0 < width < limits.COARSE * step:
         yield Suspicion(
             spoken(joint),
             f"its whole motion of {width:.3g} {machine.units[joint]} is {width / step:.0f} steps "
             "of the encoder",
             "the encoder is too coarse for this motion, or positions were rounded",
-            decisive=False,
         )

@@ -14,28 +14,8 @@ from scipy.optimize import lsq_linear, minimize
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample
 from crane_identification.notation import spoken
-from crane_identification.recording_check.suspicion import (
-    AGREEING,
-    ALONE,
-    BANDWIDTH,
-    CORRELATED,
-    DELAY_STEP,
-    DRIFT,
-    FORCE_SETTLING_S,
-    KNOWN_MASS_SIGMA,
-    LARGEST_DRIFT,
-    LEAST_DRIFT,
-    LEAST_MOTION,
-    LEAST_UNEXPLAINED,
-    LONGEST_DELAY,
-    MOVING,
-    POWER_LEFT,
-    ROWS,
-    SAME_FACTOR_TOLERANCE,
-    SHORTEST_DELAY,
-    WORKING_RATE,
-    Suspicion,
-)
+from crane_identification.recording_check import limits
+from crane_identification.recording_check.suspicion import Suspicion
 from crane_model.cylinders import lever_arms
 from crane_model.errors import DataError, RangeError
 from crane_model.machine import Machine
@@ -50,9 +30,13 @@ NEGLIGIBLE = 1e-9  # relative size of a direction that the data do not determine
 RECORD_MOTION = ("position", "velocity", "acceleration")
 CHAMBERS = ("pressure_a", "pressure_b")
 TINY = float(np.finfo(float).tiny)
-SHORTEST_RECORDING = 6.0 * LONGEST_DELAY  # s, of which the ends are not used
-DELAYS_S = np.arange(-LONGEST_DELAY, LONGEST_DELAY + DELAY_STEP / 2, DELAY_STEP)  # s
-DRIFTS = np.linspace(-LARGEST_DRIFT, LARGEST_DRIFT, 17)  # s/s, a quarter of a per cent apart
+SHORTEST_RECORDING = 6.0 * limits.LONGEST_DELAY  # s, of which the ends are not used
+DELAYS_S = np.arange(
+    -limits.LONGEST_DELAY, limits.LONGEST_DELAY + limits.DELAY_STEP / 2, limits.DELAY_STEP
+)  # s
+DRIFTS = np.linspace(
+    -limits.LARGEST_DRIFT, limits.LARGEST_DRIFT, 17
+)  # s/s, a quarter of a per cent apart
 
 
 @dataclass(frozen=True)
@@ -77,9 +61,10 @@ class Grid:
     def moving(self) -> np.ndarray:
         """(n, j) where friction has one sign, and has settled."""
         moves = (
-            np.abs(self.record.velocity) > MOVING * self.machine.ranges(self.joints).slower_speed
+            np.abs(self.record.velocity)
+            > limits.MOVING * self.machine.ranges(self.joints).slower_speed
         )
-        around = max(1, round(FORCE_SETTLING_S / self.step))
+        around = max(1, round(limits.FORCE_SETTLING_S / self.step))
         return np.stack([binary_erosion(column, iterations=around) for column in moves.T], axis=1)
 
     @cached_property
@@ -110,7 +95,7 @@ class LongestRun:
         rows = np.flatnonzero(samples.run == np.bincount(samples.run).argmax())
         if len(rows) <= FORCE_FILTER_PADDING or samples.rate <= 2.0 * bandwidth:
             raise DataError(f"{len(rows)} samples at {samples.rate:.3g} Hz are too few")
-        self._every = max(1, int(samples.rate / WORKING_RATE))
+        self._every = max(1, int(samples.rate / limits.WORKING_RATE))
         self._sections = signal.butter(FORCE_FILTER_ORDER, bandwidth, fs=samples.rate, output="sos")
         self.rows, self.step = rows, self._every / samples.rate
         self.time = samples.time[rows][:: self._every]
@@ -125,7 +110,7 @@ class LongestRun:
 def grid(machine: Machine, log: Log, joints: tuple[str, ...]) -> Grid:
     """The joints `joints` of a log; `DataError` if they hardly move, or are not logged together."""
     samples = resample(log)
-    run = LongestRun(samples, BANDWIDTH)
+    run = LongestRun(samples, limits.BANDWIDTH)
     columns = [log.joints.index(joint) for joint in joints]
 
     def smooth(values: np.ndarray | None) -> np.ndarray | None:
@@ -162,9 +147,11 @@ def grid(machine: Machine, log: Log, joints: tuple[str, ...]) -> Grid:
         run.step,
     )
     seconds = dict(zip(joints, whole.moving.sum(axis=0) * run.step, strict=True))
-    lazy = [f"{joint} {time:.1f} s" for joint, time in seconds.items() if time < LEAST_MOTION]
+    lazy = [
+        f"{joint} {time:.1f} s" for joint, time in seconds.items() if time < limits.LEAST_MOTION
+    ]
     if lazy:
-        raise DataError(f"{LEAST_MOTION:g} s of motion needed, got of {', '.join(lazy)}")
+        raise DataError(f"{limits.LEAST_MOTION:g} s of motion needed, got of {', '.join(lazy)}")
     return whole
 
 
@@ -228,7 +215,7 @@ class Equations:
         inverse = np.linalg.pinv(self.columns, rcond=NEGLIGIBLE)
         found = inverse @ self.force
         left = float(np.mean((self.force - self.columns @ found) ** 2))
-        spread = np.sqrt(CORRELATED * left * (inverse**2).sum(axis=1))
+        spread = np.sqrt(limits.CORRELATED * left * (inverse**2).sum(axis=1))
         return found / self.norms, spread / self.norms, float(np.sqrt(left))
 
 
@@ -254,7 +241,7 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
     plausible = model.machine.plausible
     wrong, ratios = [], []
     for parameter, value, spread in zip(model.parameters, values, std_devs, strict=True):
-        if parameter.name not in plausible or spread > KNOWN_MASS_SIGMA * abs(value):
+        if parameter.name not in plausible or spread > limits.KNOWN_MASS_SIGMA * abs(value):
             continue
         low, high = plausible[parameter.name]
         ratios.append(value / np.sqrt(low * high))
@@ -270,7 +257,7 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
     if (known < 0.0).all():
         cause = "the load would lift the crane: the sign of the forces is turned"
         yield Suspicion(where, evidence, cause, decisive=True)
-    elif len(known) > 1 and (np.abs(known / factor - 1.0) < SAME_FACTOR_TOLERANCE).all():
+    elif len(known) > 1 and (np.abs(known / factor - 1.0) < limits.SAME_FACTOR_TOLERANCE).all():
         cause = (
             f"all are about {factor:.2g} times what is plausible: unit of force or pressure, "
             "piston areas, or the plausible masses of the machine file"
@@ -278,7 +265,7 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
         yield Suspicion(where, evidence, cause, decisive=True)
     else:
         cause = "a load that the machine file does not know, a wrong transducer, or wrong geometry"
-        yield Suspicion(where, evidence, cause, decisive=False)
+        yield Suspicion(where, evidence, cause)
 
 
 # Mix-ups of wiring and names, and the recording as it would be without each.
@@ -370,8 +357,8 @@ class _Scan:
     """Unexplained force at each delay of the force against the motion."""
 
     def __init__(self, model: Model, whole: Grid) -> None:
-        margin = round(LONGEST_DELAY / whole.step) + 1
-        every = max(1, int(whole.moving.sum()) // ROWS)
+        margin = round(limits.LONGEST_DELAY / whole.step) + 1
+        every = max(1, int(whole.moving.sum()) // limits.ROWS)
         found = equations(model, whole, slice(margin, len(whole.record) - margin, every))
         self.whole, self.rows, self.joint = whole, found.sample, found.joint
         self.basis = np.linalg.qr(found.columns)[0]
@@ -400,7 +387,7 @@ def find_delay(model: Model, whole: Grid) -> Delay | None:
         return None
     scan, joints = _Scan(model, whole), range(len(whole.joints))
     as_is = scan.left(0.0, 0.0)
-    if np.sqrt(as_is.max()) < LEAST_UNEXPLAINED:
+    if np.sqrt(as_is.max()) < limits.LEAST_UNEXPLAINED:
         return None
     at_steps = np.array([scan.left(step, 0.0) for step in DELAYS_S])  # (steps, j)
     delay, drift = _best(scan, at_steps.sum(axis=1))
@@ -408,19 +395,19 @@ def find_delay(model: Model, whole: Grid) -> Delay | None:
     shows = [
         j
         for j in joints
-        if (drift or abs(of_joints[j].delay) > SHORTEST_DELAY)
-        and np.sqrt(as_is[j]) > LEAST_UNEXPLAINED
-        and of_joints[j].left < POWER_LEFT * as_is[j]
+        if (drift or abs(of_joints[j].delay) > limits.SHORTEST_DELAY)
+        and np.sqrt(as_is[j]) > limits.LEAST_UNEXPLAINED
+        and of_joints[j].left < limits.POWER_LEFT * as_is[j]
     ]
     if not shows:
         return None
     delays = np.array([of_joints[j].delay for j in shows])
     typical = float(np.median(delays))
-    alike = np.abs(delays - typical) < max(SHORTEST_DELAY, AGREEING * abs(typical))
+    alike = np.abs(delays - typical) < max(limits.SHORTEST_DELAY, limits.AGREEING * abs(typical))
     common = len(shows) > 1 and bool(alike.all())
     if not common:
         worst = max(shows, key=lambda j: as_is[j] - of_joints[j].left)
-        if of_joints[worst].left > ALONE * as_is[worst]:
+        if of_joints[worst].left > limits.ALONE * as_is[worst]:
             return None
         shows, delay = [worst], of_joints[worst].delay
     without = scan.left(delay, drift)
@@ -436,7 +423,7 @@ class _OfJoint(NamedTuple):
 
 
 def _of_joint(scan: _Scan, j: int, around: float, drift: float) -> _OfJoint:
-    delays = around + np.linspace(-DELAY_STEP, DELAY_STEP, 21)
+    delays = around + np.linspace(-limits.DELAY_STEP, limits.DELAY_STEP, 21)
     left = np.array([scan.left(delay, drift)[j] for delay in delays])
     return _OfJoint(float(delays[left.argmin()]), float(left.min()))
 
@@ -447,18 +434,18 @@ def _best(scan: _Scan, at_steps: np.ndarray) -> tuple[float, float]:
     A drift must leave much less than any delay, and must be one that clocks have.
     """
     delay, drift = float(DELAYS_S[at_steps.argmin()]), 0.0
-    drifting = [(d, s) for s in DRIFTS for d in delay + DELAY_STEP * np.arange(-8, 9, 2)]
+    drifting = [(d, s) for s in DRIFTS for d in delay + limits.DELAY_STEP * np.arange(-8, 9, 2)]
     tried = [scan.left(*pair).sum() for pair in drifting]
-    if min(tried) < POWER_LEFT * at_steps.min():
+    if min(tried) < limits.POWER_LEFT * at_steps.min():
         delay, drift = _refined(scan, *drifting[int(np.argmin(tried))])
-    if abs(drift) < max(DRIFT, LEAST_DRIFT / scan.time[-1]):
+    if abs(drift) < max(limits.DRIFT, limits.LEAST_DRIFT / scan.time[-1]):
         drift = 0.0
     return (delay, drift) if drift else _refined(scan, delay, 0.0)
 
 
 def _refined(scan: _Scan, delay: float, drift: float) -> tuple[float, float]:
     """The best delay and drift around these; without drift there is none."""
-    scale = np.array([DELAY_STEP, DRIFT])
+    scale = np.array([limits.DELAY_STEP, limits.DRIFT])
     free = np.array([1.0, float(drift != 0.0)])
     start = np.array([delay, drift])
 

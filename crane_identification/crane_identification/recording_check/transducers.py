@@ -9,30 +9,8 @@ import numpy as np
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import sampling_rate
 from crane_identification.notation import spoken
-from crane_identification.recording_check.suspicion import (
-    ALMOST_ALL,
-    ASKED,
-    ASKED_FOR,
-    ASKED_WAY,
-    COARSE_STEPS,
-    ENDLESS,
-    EXPECTED_SIGMAS,
-    EXPECTED_STEPS,
-    FEEBLE,
-    FEWEST_STEPS,
-    FROZEN,
-    FULL,
-    LEAST_OVERPRESSURE_SHARE,
-    LEAST_TRAINED,
-    NEAR_ATMOSPHERE,
-    PLATEAU,
-    RARELY,
-    SPEED_OVER,
-    SUPPLY,
-    UNITS_OF_PRESSURE,
-    VACUUM,
-    Suspicion,
-)
+from crane_identification.recording_check import limits
+from crane_identification.recording_check.suspicion import Suspicion
 from crane_identification.signals.motion import encoder_resolution
 from crane_model.flow import ATMOSPHERE_PA
 from crane_model.machine import Machine
@@ -43,7 +21,6 @@ CAUSES = {
     "": "the transducer is stuck",
 }
 MEGA = 1e6
-MOST = (10, 90)  # percentiles between which a change counts
 
 # Pressures against supply, relief valve, tank and range: units, signs, absolute for gauge.
 
@@ -68,12 +45,14 @@ def _cylinder(
 ) -> Iterator[Suspicion]:
     supply, relief = machine.hydraulics.supply_pressure, machine.hydraulics.relief_pressure
     where = f"pressures of the {spoken(joint)}"
-    lowest, highest = (float(np.percentile([*chamber_a, *chamber_b], p)) for p in ALMOST_ALL)
-    if lowest < VACUUM:
-        turned = "the sign is turned" if highest < -VACUUM else "the zero or the sign is wrong"
+    lowest, highest = (float(np.percentile([*chamber_a, *chamber_b], p)) for p in limits.ALMOST_ALL)
+    if lowest < limits.VACUUM:
+        turned = (
+            "the sign is turned" if highest < -limits.VACUUM else "the zero or the sign is wrong"
+        )
         evidence = f"down to {lowest / MEGA:.4g} MPa, and vacuum is -0.1 MPa"
         yield Suspicion(where, evidence, turned, decisive=True)
-    elif highest < FEEBLE * supply:
+    elif highest < limits.FEEBLE * supply:
         evidence = f"at most {highest:.4g} Pa, and the supply has {supply:.4g} Pa"
         unit = _unit(highest, supply)
         cause = f"they look like {unit}" if unit else "the pump was off, or the unit is wrong"
@@ -81,12 +60,12 @@ def _cylinder(
     else:
         count = min(len(chamber_a), len(chamber_b))
         higher = np.maximum(chamber_a[:count], chamber_b[:count])
-        often = float(np.percentile(higher, 100 * (1 - LEAST_OVERPRESSURE_SHARE)))
-        if often > FULL[1] * relief:
+        often = float(np.percentile(higher, 100 * (1 - limits.LEAST_OVERPRESSURE_SHARE)))
+        if often > limits.FULL[1] * relief:
             yield Suspicion(
                 where,
-                f"above {often / MEGA:.4g} MPa for {LEAST_OVERPRESSURE_SHARE:.0%} of the time, and "
-                f"the relief valve opens at {relief / MEGA:.4g} MPa",
+                f"above {often / MEGA:.4g} MPa for {limits.LEAST_OVERPRESSURE_SHARE:.0%} of the "
+                f"time, and the relief valve opens at {relief / MEGA:.4g} MPa",
                 "they look too large: a wrong unit or range of the transducers, or the relief "
                 "valve of the machine file",
                 decisive=True,
@@ -95,9 +74,11 @@ def _cylinder(
 
 def _unit(highest: float, supply: float) -> str:
     """The unit in which a cylinder's highest pressure makes sense, or nothing."""
-    low, high = FULL
+    low, high = limits.FULL
     fits = [
-        u for u, pa in UNITS_OF_PRESSURE.items() if low * supply <= pa * highest <= high * supply
+        u
+        for u, pa in limits.UNITS_OF_PRESSURE.items()
+        if low * supply <= pa * highest <= high * supply
     ]
     return " or ".join(fits)
 
@@ -105,26 +86,24 @@ def _unit(highest: float, supply: float) -> str:
 def _supply(machine: Machine, signal: Signal) -> Iterator[Suspicion]:
     seen, stated = float(np.nanmedian(signal.value)), machine.hydraulics.supply_pressure
     sensing = machine.hydraulics.load_sensing  # follows the loads, from half its margin on
-    least = 0.5 * sensing.margin if sensing else SUPPLY[0] * stated
-    if not least <= seen <= SUPPLY[1] * stated:
+    least = 0.5 * sensing.margin if sensing else limits.SUPPLY[0] * stated
+    if not least <= seen <= limits.SUPPLY[1] * stated:
         unit = _unit(seen, stated)
         yield Suspicion(
             "supply pressure",
             f"{seen:.4g} Pa, and the machine file has {stated:.4g} Pa",
             f"it looks like {unit}" if unit else "the transducer or the machine file is wrong",
-            decisive=False,
         )
 
 
 def _tank(machine: Machine, signal: Signal) -> Iterator[Suspicion]:
     """A tank that has one atmosphere too much: pressures are measured against vacuum."""
     seen, stated = float(np.nanmedian(signal.value)), machine.hydraulics.tank_pressure
-    if abs(seen - stated - ATMOSPHERE_PA) < NEAR_ATMOSPHERE:
+    if abs(seen - stated - ATMOSPHERE_PA) < limits.NEAR_ATMOSPHERE:
         yield Suspicion(
             "tank pressure",
             f"{seen / MEGA:.3f} MPa, and the machine file has {stated / MEGA:.3f} MPa",
             "pressures look absolute; gauge is needed: subtract 0.101 MPa from all of them",
-            decisive=False,
         )
 
 
@@ -172,7 +151,7 @@ def transducers(log: Log) -> Iterator[Suspicion]:
                 f"{spoken(joint)}, {name}", time, value, _moves(log, j, time), step, steps
             )
             long = _plateaus(column)
-            if 0.0 < steps < COARSE_STEPS:
+            if 0.0 < steps < limits.COARSE_STEPS:
                 long &= _unexpected(log, signal, j, column, long)
                 coarse[_size(log, name, step)].append(column.where)
             yield from _still(column, long)
@@ -181,7 +160,6 @@ def transducers(log: Log) -> Iterator[Suspicion]:
             "; ".join(where),
             f"steps of {size}",
             "coarse readings: what is smaller than a step cannot be seen",
-            decisive=False,
         )
 
 
@@ -212,17 +190,17 @@ def _asked(log: Log, j: int) -> Iterator[str]:
     """Evidence that joint j moved, or was commanded to."""
     if log.reference_position is not None:
         way = float(np.nan_to_num(np.ptp(log.reference_position.value[:, j])))
-        if way > ASKED_WAY:
+        if way > limits.ASKED_WAY:
             yield f"its reference moves by {way:.3g} rad or m"
     if log.velocity is not None:
         speed = float(np.nanmax(np.abs(log.velocity.value[:, j]), initial=0.0))
-        if speed > ASKED_WAY:
+        if speed > limits.ASKED_WAY:
             yield f"its velocity is logged as up to {speed:.3g} rad/s or m/s"
     if log.command is not None and len(log.command.time) > 1:
-        asked = np.abs(log.command.value[:-1, j]) > ASKED
+        asked = np.abs(log.command.value[:-1, j]) > limits.ASKED
         seconds = float(np.diff(log.command.time)[asked].sum())
-        if seconds > ASKED_FOR:
-            yield f"its valve command was above {ASKED:.0%} for {seconds:.1f} s"
+        if seconds > limits.ASKED_FOR:
+            yield f"its valve command was above {limits.ASKED:.0%} for {seconds:.1f} s"
 
 
 def _moves(log: Log, j: int, time: np.ndarray) -> np.ndarray:
@@ -230,7 +208,9 @@ def _moves(log: Log, j: int, time: np.ndarray) -> np.ndarray:
     known = np.isfinite(log.position.value[:, j])
     at, q = log.position.time[known], log.position.value[known, j]
     step = encoder_resolution(q[:, np.newaxis])[0]
-    ahead, behind = (np.interp(time + side, at, q) for side in (SPEED_OVER / 2, -SPEED_OVER / 2))
+    ahead, behind = (
+        np.interp(time + side, at, q) for side in (limits.SPEED_OVER / 2, -limits.SPEED_OVER / 2)
+    )
     return np.abs(ahead - behind) > 2.0 * step
 
 
@@ -247,7 +227,9 @@ def _plateaus(column: _Column) -> np.ndarray:
     usual = np.percentile(moved[moved > 0], 95)
     if len(moved) == 1:  # nothing to compare it with
         usual = 1.0
-    return np.asarray(moved > max(PLATEAU * sampling_rate(column.time), RARELY * usual))
+    return np.asarray(
+        moved > max(limits.PLATEAU * sampling_rate(column.time), limits.RARELY * usual)
+    )
 
 
 def _unexpected(log: Log, signal: Signal, j: int, column: _Column, long: np.ndarray) -> np.ndarray:
@@ -263,19 +245,22 @@ def _unexpected(log: Log, signal: Signal, j: int, column: _Column, long: np.ndar
     usable = np.isfinite(features).all(axis=1) & column.moves
     learnt = usable & ~np.repeat(long, np.diff([*edges, len(column.value)]))
     moved = np.add.reduceat(column.moves, edges)
-    if learnt.sum() < LEAST_TRAINED * features.shape[1] or column.steps < FEWEST_STEPS:
-        return np.asarray(moved > ENDLESS * column.moves.sum())
+    if (
+        learnt.sum() < limits.LEAST_TRAINED * features.shape[1]
+        or column.steps < limits.FEWEST_STEPS
+    ):
+        return np.asarray(moved > limits.ENDLESS * column.moves.sum())
     scale = features[learnt].std(axis=0)
     features = (features - features[learnt].mean(axis=0)) / np.where(scale > 0.0, scale, 1.0)
     features = np.column_stack([features, np.ones(len(features))])
     found = np.linalg.lstsq(features[learnt], column.value[learnt], rcond=None)[0]
     expected = features @ found
     noise = float((column.value - expected)[learnt].std())
-    least = max(EXPECTED_STEPS * column.step, EXPECTED_SIGMAS * noise)
+    least = max(limits.EXPECTED_STEPS * column.step, limits.EXPECTED_SIGMAS * noise)
     out = np.zeros(len(long), dtype=bool)
     for k in np.flatnonzero(long):
         inside = expected[edges[k] : ends[k]][usable[edges[k] : ends[k]]]
-        out[k] = len(inside) > 0 and np.ptp(np.percentile(inside, MOST)) > least
+        out[k] = len(inside) > 0 and np.ptp(np.percentile(inside, limits.MOST)) > least
     return out
 
 
@@ -286,9 +271,10 @@ def _features(log: Log, signal: Signal, j: int, time: np.ndarray) -> np.ndarray:
         known = np.isfinite(log.position.value[:, k])
         at, q = log.position.time[known], log.position.value[known, k]
         ahead, here, behind = (
-            np.interp(time + side, at, q) for side in (SPEED_OVER / 2, 0.0, -SPEED_OVER / 2)
+            np.interp(time + side, at, q)
+            for side in (limits.SPEED_OVER / 2, 0.0, -limits.SPEED_OVER / 2)
         )
-        speed = (ahead - behind) / SPEED_OVER
+        speed = (ahead - behind) / limits.SPEED_OVER
         rms = float(np.sqrt(np.mean(speed**2)))
         columns += [here, speed, np.tanh(4.0 * speed / rms) if rms else speed]
         columns += [here**2, ahead - 2.0 * here + behind]
@@ -310,7 +296,7 @@ def _still(column: _Column, long: np.ndarray) -> Iterator[Suspicion]:
     moved = np.add.reduceat(moves, edges)
     share = moved[long].sum() / moves.sum()
     level = value[edges[np.flatnonzero(long)[moved[long].argmax()]]]
-    returns = moved[long].max() < ENDLESS * moves.sum()
+    returns = moved[long].max() < limits.ENDLESS * moves.sum()
     end = {value.max(): "highest", value.min(): "lowest"}.get(level, "") if returns else ""
     evidence = (
         f"{share:.1%} of the motion at one reading, {level:.6g}"
@@ -318,5 +304,5 @@ def _still(column: _Column, long: np.ndarray) -> Iterator[Suspicion]:
     )
     cause = CAUSES[end] if value.any() else "nothing was measured: zeros stand in its place"
     yield Suspicion(
-        column.where, evidence, cause, decisive=bool(share > FROZEN) and end != "lowest"
+        column.where, evidence, cause, decisive=bool(share > limits.FROZEN) and end != "lowest"
     )

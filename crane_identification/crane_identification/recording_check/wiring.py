@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.notation import spoken
+from crane_identification.recording_check import limits
 from crane_identification.recording_check.forces import (
     NEGLIGIBLE,
     Delay,
@@ -18,17 +19,7 @@ from crane_identification.recording_check.forces import (
     repairs,
     unexplained,
 )
-from crane_identification.recording_check.suspicion import (
-    BETTER,
-    FAST,
-    FEWEST_STROKES,
-    IMPLAUSIBLE_GAIN,
-    NEAR_ATMOSPHERE,
-    POOR,
-    UNEXPLAINED,
-    UNMOVED,
-    Suspicion,
-)
+from crane_identification.recording_check.suspicion import Suspicion
 from crane_model.flow import ATMOSPHERE_PA, piston_flow
 
 # Absolute for gauge pressures, from the ratio of the areas: needs no valve command.
@@ -43,14 +34,13 @@ MEGA = 1e6
 def absolute(whole: Grid) -> Iterator[Suspicion]:
     """One atmosphere too much in the chambers of nearly all cylinders and directions."""
     found = np.array(list(_offsets(whole)))
-    alike = np.abs(found - ATMOSPHERE_PA) < NEAR_ATMOSPHERE
-    if alike.sum() >= FEWEST_STROKES:
+    alike = np.abs(found - ATMOSPHERE_PA) < limits.NEAR_ATMOSPHERE
+    if alike.sum() >= limits.FEWEST_STROKES:
         yield Suspicion(
             "pressures of all cylinders",
             f"flow in and out agree with the ratio of the areas if {found[alike].mean() / MEGA:.3f}"
             f" MPa are subtracted ({alike.sum()} of {len(found)} strokes)",
             "pressures look absolute, if the edges of the valves are of one size; gauge is needed",
-            decisive=False,
         )
 
 
@@ -67,7 +57,9 @@ def _offsets(whole: Grid) -> Iterator[float]:
             (1.0, p_a[:, j], p_b[:, j], cylinder.area_a / cylinder.area_b),
             (-1.0, p_b[:, j], p_a[:, j], cylinder.area_b / cylinder.area_a),
         ):
-            rows = whole.moving[:, j] & (way * speed[:, j] > FAST * np.abs(speed[:, j]).max())
+            rows = whole.moving[:, j] & (
+                way * speed[:, j] > limits.FAST * np.abs(speed[:, j]).max()
+            )
             if rows.any():
                 excess = ratio**2 * (drained - tank) - (supply - fed)
                 yield float(np.median(excess[rows]) / (1.0 + ratio**2))
@@ -89,20 +81,18 @@ def commands(whole: Grid) -> Iterator[Suspicion]:
         by_itself = fit(whole, j, j)
         by_others = {k: fit(whole, j, k) for k in range(len(whole.joints)) if k != j}
         best = min(by_others, key=lambda k: by_others[k].left) if by_others else j
-        if by_others and by_itself.left > max(UNMOVED, BETTER * by_others[best].left):
+        if by_others and by_itself.left > max(limits.UNMOVED, limits.BETTER * by_others[best].left):
             yield Suspicion(
                 f"valve command of the {spoken(joint)}",
                 f"{by_itself.left:.0%} of the flow unexplained, {by_others[best].left:.0%} "
                 f"by the command of the {spoken(whole.joints[best])}",
                 "exchanged names",
-                decisive=False,
             )
-        elif by_itself.gain < 0.0 and by_itself.left < UNMOVED:
+        elif by_itself.gain < 0.0 and by_itself.left < limits.UNMOVED:
             yield Suspicion(
                 f"valve command of the {spoken(joint)}",
                 f"the joint moves against it; {by_itself.left:.0%} of the flow unexplained",
                 "its sign is turned",
-                decisive=False,
             )
 
 
@@ -144,15 +134,17 @@ def wiring(whole: Grid) -> Iterator[Suspicion]:
     found = equations(model, whole)
     left = found.explained(model)
     values, std_devs, least = found.free()
-    implausible = tuple(masses(model, values, std_devs)) if left > IMPLAUSIBLE_GAIN * least else ()
+    implausible = (
+        tuple(masses(model, values, std_devs)) if left > limits.IMPLAUSIBLE_GAIN * least else ()
+    )
     delay = find_delay(model, whole)
-    if left > POOR:
+    if left > limits.POOR:
         tried = [(unexplained(model, repair), repair) for repair in repairs(whole)]
         without, best = min(tried, key=lambda candidate: candidate[0])
         late = delay is not None and delay.common and delay.left_without < without
         # a wrong scale explains as much without a mix-up
         scaled = any(suspicion.decisive for suspicion in implausible)
-        if not late and BETTER * without < (least if scaled else left):
+        if not late and limits.BETTER * without < (least if scaled else left):
             yield _mixed_up(whole, best, left, without)
             return
     if delay is not None:
@@ -160,13 +152,12 @@ def wiring(whole: Grid) -> Iterator[Suspicion]:
         if delay.common:
             return
     yield from implausible
-    if left > UNEXPLAINED and not implausible:
+    if left > limits.UNEXPLAINED and not implausible:
         yield Suspicion(
             "forces",
             f"{left:.0%} of them are left by any plausible masses and friction",
             "the machine file (linkages, areas) is of another machine, or several things are "
             "mixed up",
-            decisive=False,
         )
     if whole.force is None:
         yield from absolute(whole)

@@ -40,7 +40,7 @@ def write(path: Path | str, report: IdentificationReport, progress: Progress = s
 
 def render(report: IdentificationReport, progress: Progress = silent, folder: Path = Path()) -> str:
     """The page as HTML, with links that hold in `folder`."""
-    model_file = report.provenance.model_file
+    model, model_file = report.fit.model, report.provenance.model_file
     references = _reference_rows(report)
     recordings, averages, validations = _figure_rows(report, progress)
     settling, driven = settling_figures(report), _commanded_rows(report)
@@ -54,8 +54,8 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         training_bags=bags(report.training_bags),
         validation_bags=bags(report.validation_bags),
         errors=tables.error_rows(report),
-        motions=tables.motion_rows(report),
-        commanded=tables.commanded_rows(report),
+        motions=tables.motion_rows(model, [report.simulated] if report.simulated else []),
+        commanded=tables.motion_rows(model, report.commanded),
         groups=tables.parameter_groups(report),
         entries=tables.report_entries(report),
         hydraulics=hydraulic_groups(report.fit.model.hydraulics, report.true_values),

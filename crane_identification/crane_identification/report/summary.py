@@ -173,7 +173,7 @@ def summarize(report: IdentificationReport) -> Summary:
             horizon=simulated.horizon,
             windows=simulated.windows,
             position_rms=per_joint(simulated.position_rms),
-            displacement_rms=per_joint(simulated.displacement_rms),
+            displacement_rms=per_joint(simulated.path),
             reason=simulated.reason,
         )
         if simulated

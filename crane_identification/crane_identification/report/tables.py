@@ -1,7 +1,7 @@
 """Rows of the page's tables, as they are printed."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite, log10
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from crane_identification.notation import (
 )
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.findings import UNCERTAIN
+from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.base_parameters import REPORT_PARAMETERS, REPORT_UNITS, report_from_base
 from crane_model.dynamics import Geometry
 from crane_model.hydraulics import HydraulicValues, JointHydraulics, Measured
@@ -274,17 +275,7 @@ class ErrorRow(NamedTuple):
 
 
 class MotionRow(NamedTuple):
-    """Simulated against measured position of one joint."""
-
-    joint: str
-    unit: str
-    error: str
-    displacement: str
-    relative: str
-
-
-class CommandedRow(NamedTuple):
-    """Simulated from commands against measured position of one joint."""
+    """Simulated against measured position of one joint, `horizon` s ahead."""
 
     joint: str
     horizon: str
@@ -376,38 +367,19 @@ def error_rows(report: IdentificationReport) -> list[ErrorRow]:
     ]
 
 
-def motion_rows(report: IdentificationReport) -> list[MotionRow]:
-    """Simulated against measured motion of each joint; none where nothing could be simulated."""
-    simulated = report.simulated
-    if simulated is None or simulated.reason:
-        return []
-    units = report.fit.model.setting.units
+def motion_rows(model: Model, validations: Sequence[MotionValidation]) -> list[MotionRow]:
+    """By joint, then by how far ahead."""
     return [
-        MotionRow(spoken(joint), units[joint], plain(error), plain(moved), percent(relative))
-        for joint, error, moved, relative in zip(
-            simulated.joints,
-            simulated.position_rms,
-            simulated.displacement_rms,
-            simulated.relative,
-            strict=True,
-        )
-    ]
-
-
-def commanded_rows(report: IdentificationReport) -> list[CommandedRow]:
-    """By joint, then by how far ahead; none where the hydraulics are not known."""
-    units = report.fit.model.setting.units
-    return [
-        CommandedRow(
+        MotionRow(
             joint=spoken(joint),
             horizon=plain(validation.horizon),
             error=plain(float(validation.position_rms[j])),
             path=plain(float(validation.path[j])),
-            unit=units[joint],
+            unit=model.setting.units[joint],
             relative=percent(float(validation.relative[j])),
         )
-        for j, joint in enumerate(report.fit.model.joints)
-        for validation in report.commanded
+        for j, joint in enumerate(model.joints)
+        for validation in validations
     ]
 
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from crane_identification.notation import percent, plain, shown
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.tables import hydraulic_groups
-from crane_identification.validation.motion_validation import CommandValidation, MotionValidation
+from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.hydraulics import HydraulicValues
 from crane_model.model_file import Model
 
@@ -72,9 +72,8 @@ def hydraulics(values: HydraulicValues | None) -> Table:
     return result
 
 
-def ahead(model: Model, found: CommandValidation | MotionValidation) -> Table:
+def ahead(model: Model, found: MotionValidation) -> Table:
     """Error of a simulation at the end of its windows, joint by joint."""
-    path = found.path if isinstance(found, CommandValidation) else found.displacement_rms
     result = plain_table()
     headings = (
         f"{plain(found.horizon)} s ahead, {found.windows} windows",
@@ -86,7 +85,7 @@ def ahead(model: Model, found: CommandValidation | MotionValidation) -> Table:
     for heading in headings:
         result.add_column(heading, justify="left" if heading == headings[0] else "right")
     for joint, error, gone, share in zip(
-        found.joints, found.position_rms, path, found.relative, strict=True
+        found.joints, found.position_rms, found.path, found.relative, strict=True
     ):
         unit = model.setting.units[joint]
         result.add_row(joint, plain(float(error)), plain(float(gone)), unit, percent(float(share)))

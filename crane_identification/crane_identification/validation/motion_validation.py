@@ -43,8 +43,8 @@ HISTORY = 0.5  # s of commands before a window, after which the spool has forgot
 class MotionValidation:
     """Errors of simulated motion over N windows of `horizon` [s]; per joint (j,), rad or m.
 
-    `position_rms` is the error at the end of the horizon, `displacement_rms` how far the joint
-    itself moved by then, `relative` their ratio. Where the model cannot be simulated, `reason` says
+    `position_rms` is the error at the end of the horizon, `path` how far the joint itself
+    moved by then (rms), `relative` their ratio. Where the model cannot be simulated, `reason` says
     why, there is no window and the errors are NaN.
     """
 
@@ -52,14 +52,14 @@ class MotionValidation:
     horizon: float
     windows: int
     position_rms: np.ndarray
-    displacement_rms: np.ndarray
+    path: np.ndarray
     reason: str = ""
 
     @property
     def relative(self) -> np.ndarray:
-        """Error over displacement, (j,); nan where the joint does not move."""
+        """Error over path, (j,); NaN where the joint does not move."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            return self.position_rms / self.displacement_rms
+            return np.asarray(self.position_rms / self.path)
 
 
 def validate_motion(model: Model, records: Sequence[Record]) -> MotionValidation:
@@ -157,23 +157,12 @@ class CommandedCourse(NamedTuple):
 
 
 @dataclass(frozen=True)
-class CommandValidation:
-    """Rms position error after `horizon` [s] of simulation from a measured state, over all
-    `windows`, and the mean `path` that the joint itself went in that time, (j,) each [rad, m].
+class CommandValidation(MotionValidation):
+    """The same from valve commands; `path` is the mean length of the way of a joint, and `courses`
+    are those of each run.
     """
 
-    joints: tuple[str, ...]
-    horizon: float
-    windows: int
-    position_rms: np.ndarray
-    path: np.ndarray
-    courses: tuple[CommandedCourse, ...]  # one of each run
-
-    @property
-    def relative(self) -> np.ndarray:
-        """Error over path, (j,); NaN if a joint does not move."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self.position_rms / self.path)
+    courses: tuple[CommandedCourse, ...] = ()
 
 
 def validate_commands(
@@ -264,9 +253,8 @@ def _ahead(model: Model, runs: Sequence[CommandedRun], horizon: float) -> Comman
     if not errors:
         return None
     error, path = np.concatenate(errors), np.concatenate(paths)
-    rms = np.sqrt((error**2).mean(axis=0))
     return CommandValidation(
-        model.joints, horizon, len(error), rms, path.mean(axis=0), tuple(courses)
+        model.joints, horizon, len(error), _rms(error), path.mean(axis=0), courses=tuple(courses)
     )
 
 

@@ -18,7 +18,7 @@ from crane_bags.reader import TopicData, contradiction, in_order
 from crane_bags.storage import blocks, connections, open_bag
 from crane_bags.types import typestore
 from crane_model.errors import DataError
-from crane_model.progress_bar import Progress
+from crane_model.progress_bar import Progress, silent
 
 NAMES = "name"
 """Field whose texts name the places of the arrays beside it, as in sensor_msgs/JointState."""
@@ -105,7 +105,7 @@ def read_fields(
     path: Path | str,
     wanted: Mapping[str, Collection[Place]],
     types: Mapping[str, str],
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Mapping[str, TopicData]:
     """Read numbers of any topics of any types as arrays; each stamp stays once.
 
@@ -135,8 +135,7 @@ def read_fields(
     gathered = {topic: _Gathered(tuple(places)) for topic, places in wanted.items()}
     with open_bag(path) as reader:
         known = {topic: _type(path, reader, topic, types.get(topic)) for topic in wanted}
-        done = 0
-        for block in blocks(path, reader, wanted):
+        for block in blocks(path, reader, wanted, progress):
             msgtype, store = known[block.topic]
             try:
                 decoded = [store.deserialize_cdr(message, msgtype) for message in block.messages]
@@ -150,9 +149,6 @@ def read_fields(
                     f"{path}: topic {block.topic}: the definition of {msgtype} in the bag lacks "
                     f"{error}; record it again with the package of that type installed"
                 ) from error
-            done += len(decoded)
-            if progress:
-                progress(f"reading {path.name}", min(done / reader.held, 1.0))
         return {
             topic: gathering.data(path, topic, contradiction(reader, topic))
             for topic, gathering in gathered.items()
@@ -160,7 +156,7 @@ def read_fields(
 
 
 def read_messages(
-    path: Path | str, msgtypes: Collection[str], progress: Progress | None = None
+    path: Path | str, msgtypes: Collection[str], progress: Progress = silent
 ) -> Iterator[tuple[str, int, Any]]:
     """All messages of some types, whatever their topics.
 
@@ -194,8 +190,7 @@ def read_messages(
                 "such a topic, or name another bag"
             )
         stores = {topic: _store(path, connections(reader, topic)) for topic in topics}
-        done = 0
-        for topic, log_times, found in blocks(path, reader, topics):
+        for topic, log_times, found in blocks(path, reader, topics, progress):
             for log_time, data in zip(log_times, found, strict=True):
                 try:
                     message = stores[topic].deserialize_cdr(data, stated[topic])
@@ -204,9 +199,6 @@ def read_messages(
                         f"{path}: topic {topic}: {error}; the bag is damaged"
                     ) from error
                 yield topic, log_time, message
-            done += len(found)
-            if progress:
-                progress(f"reading {path.name}", min(done / max(reader.held, 1), 1.0))
 
 
 class _Gathered:

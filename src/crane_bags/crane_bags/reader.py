@@ -24,7 +24,7 @@ from crane_bags.storage import (
 )
 from crane_bags.types import CAN_FRAMES, DRIVER_STATE, JOINT_STATES, Topic, typestore
 from crane_model.errors import DataError
-from crane_model.progress_bar import Progress
+from crane_model.progress_bar import Progress, silent
 
 ROOT = "/"
 LETTING_THROUGH = ("STATE_ENABLED", "STATE_DEGRADED")
@@ -101,7 +101,7 @@ def read_topics(
     path: Path | str,
     required: Collection[Topic],
     optional: Collection[Topic] = (),
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Mapping[str, TopicData]:
     """Read topics of header, `name` and doubles as arrays.
 
@@ -221,23 +221,18 @@ def _read(
     reader: Reader,
     wanted: Mapping[str, Topic],
     store: Typestore,
-    progress: Progress | None,
+    progress: Progress,
 ) -> tuple[dict[str, Table], dict[str, list[int]]]:
     """Decoded messages and log times [ns] of each topic, block by block."""
     tables: dict[str, list[Table]] = defaultdict(list)
     log_times: dict[str, list[int]] = defaultdict(list)
-    total = sum(announced(reader, name)[0] for name in wanted)
-    done = 0
-    for block in blocks(path, reader, wanted):
+    for block in blocks(path, reader, wanted, progress):
         try:
             table = decode(block.messages, wanted[block.topic].msgtype, store)
         except (SerdeError, ValueError) as error:
             raise DataError(f"{path}: topic {block.topic}: {error}; the bag is damaged") from error
         tables[block.topic].append(table)
         log_times[block.topic] += block.log_times
-        done += len(block.messages)
-        if progress:
-            progress(f"reading {path.name}", min(done / total, 1.0))
     return {name: concatenate(parts) for name, parts in tables.items()}, log_times
 
 

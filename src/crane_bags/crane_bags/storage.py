@@ -19,6 +19,7 @@ from rosbags.rosbag2.storage_mcap import McapReader, Statistics
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from crane_model.errors import DataError
+from crane_model.progress_bar import Progress, silent
 
 RECORD_HEADER_BYTES, MESSAGE_HEADER_BYTES = (
     9,
@@ -157,16 +158,21 @@ def messages(
             yield from reader.messages(sources)
 
 
-def blocks(path: Path, reader: Reader, topics: Collection[str]) -> Iterator[Block]:
+def blocks(
+    path: Path, reader: Reader, topics: Collection[str], progress: Progress = silent
+) -> Iterator[Block]:
     """All messages of `topics`, those of each topic in the order of the files, as they arrived.
 
-    `DataError` where the storage is damaged.
+    `progress` is told the share of them. `DataError` where the storage is damaged.
     """
+    done, total = 0, sum(c.msgcount for topic in topics for c in connections(reader, topic))
     with _damage(path):
         # metadata.yaml may list them in another order: bag_10 before bag_2
         for storage in sorted(_storages(reader), key=lambda storage: storage.metadata.start_time):
             for block in _file_blocks(storage, topics):
                 yield _plain(block) if reader.compression_mode == "message" else block
+                done += len(block.messages)
+                progress(f"reading {path.name}", min(done / max(total, 1), 1.0))
 
 
 def _plain(block: Block) -> Block:

@@ -27,6 +27,7 @@ from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys.store import Typestore
 
 from crane_bags.clocks import NANOSECONDS
+from crane_bags.decoding import find_layout
 from crane_bags.types import Topic, double_fields, typestore
 from crane_model.errors import DataError
 
@@ -41,18 +42,22 @@ class ArrayMessage:
 
     def __init__(self, store: Typestore, msgtype: str, names: Sequence[str]):
         self.fields = double_fields(store, msgtype)
-        self._store, self._msgtype, self._names = store, msgtype, list(names)
         if not names:
             raise ValueError(f"{msgtype}: at least one name is needed")
         known = {"header", "name", *self.fields}
         if unknown := [name for name, _ in store.fielddefs[msgtype][1] if name not in known]:
             raise ValueError(f"{msgtype} is not header, name and doubles; it also has {unknown}")
-        self._buffer, self._places = self._locate()
+        zeros = {key: np.zeros(len(names)) if array else 0.0 for key, array in self.fields.items()}
+        types = store.types
+        time = types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+        header = types["std_msgs/msg/Header"](stamp=time, frame_id="")
+        message = types[msgtype](header=header, name=list(names), **zeros)
+        self._buffer = bytearray(store.serialize_cdr(message, msgtype, little_endian=True))
+        doubles = find_layout(bytes(self._buffer), msgtype, store).doubles
+        self._places = [slice(start, start + 8 * count) for start, count in doubles.values()]
         self._views = [
-            np.frombuffer(self._buffer, "<f8", (place.stop - place.start) // 8, place.start)
-            for place in self._places
+            np.frombuffer(self._buffer, "<f8", count, start) for start, count in doubles.values()
         ]
-        self._verify()
 
     @property
     def size(self) -> int:
@@ -76,41 +81,6 @@ class ArrayMessage:
         for place, value in zip(self._places, values, strict=True):
             rows[:, place] = _bytes(value.reshape(len(rows), -1), "<f8")
         return rows
-
-    def _locate(self) -> tuple[bytearray, list[slice]]:
-        """A serialised template and, for each field, which of its bytes are the doubles."""
-        marks = self._random_values(seed=0)
-        buffer = bytearray(self._reference(0, marks))
-        places = []
-        for mark in marks:
-            if buffer.count(mark.tobytes()) != 1:
-                raise ValueError(f"{self._msgtype} with names {self._names}: layout not found")
-            start = buffer.find(mark.tobytes())
-            places.append(slice(start, start + mark.nbytes))
-        return buffer, places
-
-    def _verify(self) -> None:
-        """One other message must come out byte for byte as rosbags serialises it."""
-        stamp, values = 12 * NANOSECONDS + 34, self._random_values(seed=1)
-        if bytes(self.serialize(stamp, *values)) != bytes(self._reference(stamp, values)):
-            raise ValueError(f"{self._msgtype}: the layout is not constant")
-
-    def _random_values(self, seed: int) -> list[np.ndarray]:
-        random = np.random.default_rng(seed)
-        sizes = [len(self._names) if is_array else 1 for is_array in self.fields.values()]
-        return [random.uniform(1.0, 2.0, size) for size in sizes]
-
-    def _reference(self, stamp: int, values: list[np.ndarray]) -> memoryview:
-        types = self._store.types
-        sec, nanosec = divmod(stamp, NANOSECONDS)
-        time = types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
-        header = types["std_msgs/msg/Header"](stamp=time, frame_id="")
-        doubles = {
-            field: value if is_array else float(value[0])
-            for (field, is_array), value in zip(self.fields.items(), values, strict=True)
-        }
-        message = types[self._msgtype](header=header, name=self._names, **doubles)
-        return self._store.serialize_cdr(message, self._msgtype, little_endian=True)
 
 
 def _bytes(values: np.ndarray, kind: str) -> np.ndarray:

@@ -29,7 +29,6 @@ CASE_COUNTS = {
     CaseSet.CALIBRATION: 40,
     CaseSet.SCORING: 400,
     CaseSet.FORMER: 96,
-    CaseSet.STRANGERS: 12,
     CaseSet.INDEPENDENT_TUNING: 60,
     CaseSet.INDEPENDENT_CLEAN: 40,
 }
@@ -57,7 +56,6 @@ class Batch:
     first: int
     last: int
     simulator: Simulator | None
-    sets: int
     quick: bool
     folders: Folders
     workers: int
@@ -68,7 +66,7 @@ class Batch:
 def run_batch(batch: Batch) -> int:
     """Make the bags that are not there, and answer; the status of the first stage that fails."""
     making: list[object] = ["--set", batch.which.value, "--count", batch.count]
-    making += ["--from", batch.first, "--to", batch.last, "--sets", batch.sets]
+    making += ["--from", batch.first, "--to", batch.last]
     if batch.simulator is not None:
         making += ["--simulator", batch.simulator.value]
     if batch.quick:
@@ -108,7 +106,6 @@ class BenchmarkRequest:
     which: CaseSet
     simulator: Simulator | None
     cases: int
-    sets: int
     quick: bool
     workers: int
     out: Path
@@ -116,7 +113,6 @@ class BenchmarkRequest:
     bags_only: bool
     cluster: str | None
     lock: bool
-    gates: Path | None
     thresholds: Path | None
 
 
@@ -127,8 +123,7 @@ def run(request: BenchmarkRequest) -> None:
     if request.bags_only:
         through(batches(request, Folders(top), ()), request.cluster)
         return
-    calibrating = which in CLEAN and (which is CaseSet.CALIBRATION or request.gates is not None)
-    calibrating |= request.lock
+    calibrating = which is CaseSet.CALIBRATION or request.lock
     folders = Folders(top, name_of_round(request))
     if which is CaseSet.SCORING and len(done(folders.rows)) >= request.cases:
         print(f"scored already with these thresholds, which is done once: {folders.results}")
@@ -145,8 +140,6 @@ def run(request: BenchmarkRequest) -> None:
     through(batches(request, folders, answers), request.cluster)
     if calibrating:
         found = lock.lock(folders, which) if request.lock else lock.calibrated(folders)
-        if request.gates:
-            lock.write_gates(request.gates, found)
         print("\n".join(lock.lines(found)))
         return
     score(folders, request.workers)
@@ -156,7 +149,7 @@ def name_of_round(request: BenchmarkRequest) -> str:
     """Answers with other thresholds than those of the package lie apart; of the scoring set, those
     of each lock. `ConfigurationError` if that is not what was locked.
     """
-    if request.which is CaseSet.INDEPENDENT_CLEAN and (request.gates or request.lock):
+    if request.which is CaseSet.INDEPENDENT_CLEAN and request.lock:
         return "open"
     if request.thresholds:
         return request.thresholds.stem
@@ -196,7 +189,6 @@ def batches(
             first=first,
             last=min(first + CASES_PER_BATCH, request.cases),
             simulator=request.simulator,
-            sets=request.sets,
             quick=request.quick,
             folders=folders,
             workers=1 if request.cluster else request.workers,
@@ -252,12 +244,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add("--cases", type=int, help=", ".join(f"{n} ({s.value})" for s, n in CASE_COUNTS.items()))
     add(
-        "--sets",
-        type=int,
-        default=2,
-        help="number of sets of three training recordings in each case",
-    )
-    add(
         "--quick",
         action="store_true",
         help="one short recording for each case, to test the benchmark itself",
@@ -277,7 +263,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="address of a Dask scheduler whose workers share the folder",
     )
     add("--lock", action="store_true", help="write the calibrated thresholds to the package")
-    add("--gates", type=Path, help="new file for the thresholds that these clean cases calibrate")
     add(
         "--thresholds",
         type=Path,
@@ -286,8 +271,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if arguments.lock and arguments.which not in CLEAN:
         parser.error(f"--lock: calibrate with --set {' or '.join(CLEAN)}")
-    if arguments.gates and arguments.which not in CLEAN:
-        parser.error(f"--gates: calibrate with cases that hide nothing, --set {' or '.join(CLEAN)}")
     if arguments.cases is None:
         arguments.cases = CASE_COUNTS[arguments.which]
     return cli.run(lambda: run(request_of(BenchmarkRequest, arguments)))

@@ -45,10 +45,14 @@ class _Checked(Generic[Value]):
         raise NotImplementedError
 
 
+@dataclass(frozen=True)
 class _InRange(_Checked[Value]):
+    name: str
+    default: Value
     unit: str
     lowest: float
     highest: float
+    meaning: str
 
     @property
     def description(self) -> str:
@@ -133,12 +137,6 @@ class Number(_InRange[float]):
     crane_model.errors.ConfigurationError: parameter 'speed': must be from 0 to 1 m/s, got 2.0
     """
 
-    name: str
-    default: float
-    unit: str
-    lowest: float
-    highest: float
-    meaning: str
     whole: bool = False
 
     def check(self, value: Any) -> float:
@@ -172,13 +170,6 @@ class Numbers(_InRange[tuple[float, ...]]):
     >>> Numbers("poses", (), "rad", -1.0, 1.0, "to be held").check([0, 0.5])
     (0.0, 0.5)
     """
-
-    name: str
-    default: tuple[float, ...]
-    unit: str
-    lowest: float
-    highest: float
-    meaning: str
 
     def check(self, value: Any) -> tuple[float, ...]:
         if isinstance(value, str | bytes) or not hasattr(value, "__iter__"):

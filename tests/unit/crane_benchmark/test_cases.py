@@ -3,12 +3,11 @@
 import pytest
 
 from crane_benchmark import CaseKind
-from crane_benchmark.cases.case import EffectToHide, Simulator, Story, World
+from crane_benchmark.cases.case import EffectToHide, Simulator, World
 from crane_benchmark.cases.case_sets import (
     ABSORBED,
     RELATIVE_MAGNITUDES,
     SHARES,
-    STORIES,
     CaseSet,
     apportioned,
     cases,
@@ -18,7 +17,7 @@ from crane_benchmark.cases.motions import LABORATORY_CRANE, Richness
 from crane_benchmark.cases.simulators import AS_DRAWN, LAWS, SURVEYED, drawn_effects, drawn_machine
 from crane_benchmark.independent.readings import FAMILIES
 from crane_identification.diagnosis.flow import load_usual
-from crane_sim import InjectedEffect, load_simulated_crane
+from crane_sim import load_simulated_crane
 
 
 def test_sets_share_no_case():
@@ -73,26 +72,6 @@ def test_motions_are_rich_where_they_should_be():
 def test_calibration_is_half_of_the_field():
     worlds = [case.world for case in cases(CaseSet.CALIBRATION, 40)]
     assert worlds.count(World.FIELD) == worlds.count(World.LABORATORY) == 20
-
-
-def test_strangers_tell_every_story_and_their_effects_can_be_hidden():
-    told = cases(CaseSet.STRANGERS, 24)
-    stories = [case.story for case in told]
-    assert {story: stories.count(story) for story in Story} == {
-        story: 2 * STORIES.count(story) for story in Story
-    }
-    for case in told:
-        for effect in case.effects:
-            InjectedEffect(**effect.model_dump(exclude={"carried"}))
-
-
-def test_effects_of_a_story_that_no_motion_shows_are_told_anew():
-    for case in cases(CaseSet.STRANGERS, 12):
-        again = with_others(case, 4)
-        assert (again.name, again.seed, again.story) == (case.name, case.seed, case.story)
-        assert [effect.relative_magnitude for effect in again.effects] == [
-            effect.relative_magnitude for effect in case.effects
-        ]
 
 
 @pytest.mark.parametrize("which", [CaseSet.SCORING, CaseSet.INDEPENDENT_TUNING])

@@ -8,8 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from unit.crane_driver.driven import disowned
 
-from crane_driver import DriverCodec, Fault, FaultKind, MachineCodec, load_layout, load_safety
-from crane_driver.can.assembly import LEARNING_FRAMES
+from crane_driver import (
+    DriverCodec,
+    Fault,
+    FaultKind,
+    MachineCodec,
+    constants,
+    load_layout,
+    load_safety,
+)
 from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import CylinderEffort, DriverLoop, JointSample, PressureSample
@@ -50,7 +57,7 @@ class Bench:
 
     def learnt(self) -> "Bench":
         """After the cycles in which counters are learnt."""
-        for _ in range(LEARNING_FRAMES):
+        for _ in range(constants.LEARNING_FRAMES):
             self.receive(self.frames())
         return self
 
@@ -152,7 +159,9 @@ def test_effort_without_pressures_is_not_a_number() -> None:
 
 
 def test_the_first_sample_has_no_velocity(fresh: Bench) -> None:
-    joints = [one for _ in range(LEARNING_FRAMES) for one in fresh.receive(fresh.frames())[0]]
+    joints = [
+        one for _ in range(constants.LEARNING_FRAMES) for one in fresh.receive(fresh.frames())[0]
+    ]
     assert len(joints) == 1  # the newest of those that waited
     (joints,) = joints
     assert np.isnan(joints.velocity).all()
@@ -269,7 +278,7 @@ def test_while_offline_a_stall_is_no_fault_but_delays_what_follows(fresh: Bench)
             fresh.receive(fresh.frames())
 
     fresh.loop.run(fresh.now, ProcessorTime(7.0))
-    receive(LEARNING_FRAMES - 5)
+    receive(constants.LEARNING_FRAMES - 5)
     fresh.loop.run(fresh.now, ProcessorTime(7.0))
     receive(30)
     assert fresh.loop.supervisor.state is SafetyState.OFFLINE

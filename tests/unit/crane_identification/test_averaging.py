@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from crane_identification import Options
 from crane_identification.data.sources import Sources
 from crane_identification.estimation.autoregression import independent_samples
-from crane_identification.options import Options
 from crane_identification.preparation.periodicity import REPEATING_RMS_SHARE
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import (
@@ -19,8 +19,8 @@ from crane_identification.preparation.run import (
     resolution_of_mean,
     transient_periods,
 )
+from crane_model import load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 from crane_model.progress_bar import silent
 from crane_sim.make_bag import main as make_bag
 

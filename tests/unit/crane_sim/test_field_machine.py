@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_bags.reader import read_topics
+from crane_bags import read_topics
 from crane_bags.types import JOINT_REFERENCE, JOINT_STATES, VALVE_COMMAND
+from crane_model import ConfigurationError, Machine
 from crane_model.cylinders import lever_arm
-from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import InertialSensor
+from crane_sim import Plant, SimulatedCrane
 from crane_sim.make_bag import main
-from crane_sim.parts.parameters import SimulatedCrane, load_both
-from crane_sim.plant.plant import DeadTime, Plant
+from crane_sim.parts.parameters import load_both
+from crane_sim.plant.plant import DeadTime
 from crane_sim.plant.sampled import InertialSensors
 from crane_sim.work import load_work
 

@@ -13,8 +13,7 @@ from crane_driver.can.codec import Readings
 from crane_driver.can.frame import START_NS, STEP, TIME, Frame, step_frame, time_frame, told_time
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
-from crane_model import load_machine
-from crane_model.errors import RangeError
+from crane_model import RangeError, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim import Plant, Sensors, load_simulated_crane
 from crane_sim.machine_on_bus import COMMAND_TIMEOUT_S, MAX_STEP_S, MachineOnBus, ValveUnit

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from crane_sim import Plant
 from crane_sim.parts.parameters import load_both
-from crane_sim.plant.plant import Plant
 from crane_sim.true_values import hydraulics_of
 from crane_trajectory.control.dead_time import (
     LEAST_MARGINS,

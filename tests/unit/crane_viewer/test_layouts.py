@@ -105,7 +105,7 @@ def test_rviz_shows_the_machine_that_is_described() -> None:
 
 
 def test_the_frame_that_stands_is_of_the_machine() -> None:
-    from crane_model.machine import load_machine
+    from crane_model import load_machine
     from crane_model.urdf import urdf
 
     links = {

@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
+from crane_driver import constants
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import PositionSignal
 from crane_driver.driver_parameters import MAPPING
@@ -32,10 +33,6 @@ Parameters = Mapping[NodeParameter, str | bool | float]
 """All parameters of the driver and their values."""
 
 LONE_WORDS = re.compile(r"[yYnN~]")  # which ROS takes for a truth value, or for none
-
-ANSWER_POLL_S = 0.02  # s
-
-RAMP_REPEATS = 5  # of one ramp
 
 
 @dataclass(frozen=True)
@@ -135,7 +132,7 @@ class BringupTerminal:
     def ask(self, question: str) -> str:
         print(f"{question} > ", end="", flush=True)
         while b"\n" not in self._read:
-            self._idle(ANSWER_POLL_S)
+            self._idle(constants.ANSWER_POLL_S)
             if self._stop.requested:
                 raise KeyboardInterrupt
             if not select.select([sys.stdin], [], [], 0.0)[0]:
@@ -220,7 +217,7 @@ class Bench:
 
         A fault of the driver is reset only after the operator agrees.
         """
-        for _ in range(RAMP_REPEATS):
+        for _ in range(constants.RAMP_REPEATS):
             try:
                 return ramp(mover)
             except StoppedError as error:

@@ -13,8 +13,8 @@ from rclpy.publisher import Publisher
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from crane_driver.operator import COMMAND_PERIOD_S, LONGEST_PAUSE_S
-from crane_driver.operator.bringup.estimates import FEWEST_READINGS, JointInstant
+from crane_driver import constants
+from crane_driver.operator.bringup.estimates import JointInstant
 from crane_driver.operator.bringup.motion import MotionError, StoppedError, Tick
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import DataError
@@ -24,11 +24,6 @@ from crane_nodes.managed import Stop, say_ready
 from crane_nodes.node_time import NodeTime, nanoseconds
 
 SAMPLES_DEPTH = 50  # messages
-DRIVER_ANSWER_TIMEOUT_S = 10.0  # for the driver to answer
-STATE_TIMEOUT_S = 0.1  # without a joint state while the crane moves
-NEUTRAL_AT_END_S = 0.2  # of neutral commands before the driver is disabled
-LONGEST_SPIN_S = 0.1  # of real time, between two looks at the time
-NEUTRAL_CYCLES = 100  # cycles of neutral commands after a reset, until the driver may be enabled
 
 
 class CraneClient(Node):
@@ -41,7 +36,7 @@ class CraneClient(Node):
         self._executor.add_node(self)
         self.time = NodeTime(self)
         self.time.listen()
-        self.patience = self.time.patience(DRIVER_ANSWER_TIMEOUT_S)
+        self.patience = self.time.patience(constants.DRIVER_ANSWER_TIMEOUT_S)
         self.joints: tuple[str, ...] = ()
         self.samples: list[JointInstant] = []
         self.pressures: list[dict[str, float]] = []
@@ -59,7 +54,7 @@ class CraneClient(Node):
     def spin(self, seconds: float) -> None:
         end = self.time.now() + seconds
         while (left := end - self.time.now()) > 0.0:
-            self._executor.spin_once(timeout_sec=min(left, LONGEST_SPIN_S))
+            self._executor.spin_once(timeout_sec=min(left, constants.LONGEST_SPIN_S))
 
     def connect(self) -> None:
         """Wait for the driver and its joints; `DataError` if it is not there."""
@@ -83,9 +78,9 @@ class CraneClient(Node):
         self.samples.clear()
         self._wait(seconds)
         self._until(  # where this computer was too busy to take more
-            lambda: len(self.samples) >= FEWEST_READINGS,
+            lambda: len(self.samples) >= constants.FEWEST_READINGS,
             f"no {self._states} in {seconds + self.patience:g} s, or fewer than "
-            f"{FEWEST_READINGS}; see /diagnostics",
+            f"{constants.FEWEST_READINGS}; see /diagnostics",
         )
         return np.array([sample.position for sample in self.samples])
 
@@ -121,14 +116,14 @@ class CraneClient(Node):
         answer = self._answer(self._driver.reset_fault(), drive)
         if not answer.success:
             raise MotionError(f"the driver does not reset its fault: {answer.message}")
-        for _ in range(NEUTRAL_CYCLES):
+        for _ in range(constants.NEUTRAL_CYCLES):
             drive.tick(0.0)
         self._enable(drive)
 
     def cycle(self, end: float) -> None:
         """Take what comes until `end` [s], and see whether the crane may go on."""
         while (left := end - self.time.now()) > 0.0 and not self._stop.requested:
-            self._executor.spin_once(timeout_sec=min(left, LONGEST_SPIN_S))
+            self._executor.spin_once(timeout_sec=min(left, constants.LONGEST_SPIN_S))
         if self._stop.requested:
             raise KeyboardInterrupt
 
@@ -138,15 +133,16 @@ class CraneClient(Node):
 
     def await_state(self, since: float) -> None:
         """Take what comes until a joint state later than `since` [s], for a real time at most."""
-        end = time.monotonic() + LONGEST_SPIN_S
+        end = time.monotonic() + constants.LONGEST_SPIN_S
         while not self.seen(since) and (left := end - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
     def require_well(self) -> None:
         """`StoppedError` if the crane is not seen, or the driver has stopped it."""
-        if (age := self.time.now() - self._received) > STATE_TIMEOUT_S:
+        if (age := self.time.now() - self._received) > constants.STATE_TIMEOUT_S:
             raise StoppedError(
-                f"no {self._states} for {age * 1e3:.0f} ms, limit {STATE_TIMEOUT_S * 1e3:.0f} ms"
+                f"no {self._states} for {age * 1e3:.0f} ms, "
+                f"limit {constants.STATE_TIMEOUT_S * 1e3:.0f} ms"
             )
         if self.trouble:
             raise StoppedError(f"the driver has stopped the crane: {self.trouble}")
@@ -165,14 +161,14 @@ class CraneClient(Node):
     def _wait(self, seconds: float) -> None:
         end = self.time.now() + seconds
         while (now := self.time.now()) < end:
-            self.cycle(min(end, now + 10.0 * COMMAND_PERIOD_S))
+            self.cycle(min(end, now + 10.0 * constants.COMMAND_PERIOD_S))
 
     def _until(self, condition: Callable[[], object], otherwise: str) -> None:
         end = time.monotonic() + self.patience
         while not condition():
             if time.monotonic() > end:
                 raise DataError(otherwise)
-            self.cycle(self.time.now() + COMMAND_PERIOD_S)
+            self.cycle(self.time.now() + constants.COMMAND_PERIOD_S)
 
     def _answer(self, future: Future, drive: "NodeDrive | None" = None) -> Any:
         """The answer of the driver; meanwhile the drive, if there is one, commands neutral."""
@@ -183,7 +179,7 @@ class CraneClient(Node):
             if drive:
                 drive.tick(0.0)
             else:
-                self.cycle(self.time.now() + COMMAND_PERIOD_S)
+                self.cycle(self.time.now() + constants.COMMAND_PERIOD_S)
         return future.result()
 
     def _joint_state(self, message: JointState) -> None:
@@ -223,24 +219,26 @@ class NodeDrive:
 
     def tick(self, command: float) -> Tick:
         if self.enabled:
-            if (pause := self._client.time.now() - self._sent) > LONGEST_PAUSE_S:
+            if (pause := self._client.time.now() - self._sent) > constants.LONGEST_PAUSE_S:
                 if command:  # a neutral one begins anew
                     raise StoppedError(
                         f"no command for {pause * 1e3:.0f} ms, limit "
-                        f"{LONGEST_PAUSE_S * 1e3:.0f} ms: this computer "
+                        f"{constants.LONGEST_PAUSE_S * 1e3:.0f} ms: this computer "
                         "is too busy; stop other programs"
                     )
-                self._client.spin(COMMAND_PERIOD_S)  # what has come meanwhile
+                self._client.spin(constants.COMMAND_PERIOD_S)  # what has come meanwhile
             self._client.require_well()
         self._client.samples.clear()
         sent = self._publish(command)
         now = self._client.time.now
         if self._client.time.simulated:  # the crane waits for a command in each cycle
-            while not self._client.seen(self._sent) and now() - self._sent < STATE_TIMEOUT_S:
+            while (
+                not self._client.seen(self._sent) and now() - self._sent < constants.STATE_TIMEOUT_S
+            ):
                 self._client.await_state(self._sent)
                 self._client.cycle(now())
         else:
-            self._due = max(self._due + COMMAND_PERIOD_S, self._sent)
+            self._due = max(self._due + constants.COMMAND_PERIOD_S, self._sent)
             self._client.cycle(self._due)
         return Tick(sent, list(self._client.samples))
 
@@ -249,13 +247,13 @@ class NodeDrive:
 
     def leave(self) -> None:
         now, patience = self._client.time.now, time.monotonic() + self._client.patience
-        end = now() + NEUTRAL_AT_END_S
+        end = now() + constants.NEUTRAL_AT_END_S
         while now() < end and time.monotonic() < patience:
             self._publish(0.0)
             if self._client.time.simulated:
                 self._client.await_state(self._sent)
             else:
-                self._client.spin(COMMAND_PERIOD_S)
+                self._client.spin(constants.COMMAND_PERIOD_S)
 
     def _publish(self, command: float) -> float:
         message = ValveCommand(name=[self._joint], command=[command])

@@ -7,33 +7,11 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 
+from crane_driver import constants
 from crane_model.errors import DataError
 from crane_model.result_file import ResultPart
 
-# Smallest movement, in steps of the encoder or standard deviations of its noise
-MOVEMENT_STEPS = 10.0
-FASTEST_SINKING = 1e-3  # rad/s, m/s: a joint that leaks is slower, one that is moved is faster
-BLOCK_S = 0.5  # s
-FEWEST_READINGS = 10  # readings of a joint at rest
 ENCODER_TURN_RAD = 2.0 * np.pi  # rad, after which an encoder of one turn begins anew
-
-SMALLEST_MOVEMENTS = 10.0  # movements that surely are none of noise: what a sign is told from
-SCALE_TOLERANCE = 0.05  # by which a second known pose may contradict the first
-
-LARGEST_OFFSET_PA = 1.0e6  # Pa; more is a pressure, or a transducer that is broken
-LARGEST_SPREAD_PA = 5.0e4  # Pa, standard deviation of readings at rest
-LARGEST_DRIFT_PA = 2.0e4  # Pa between the halves of the record
-
-LEFT_OUT_SHARE = 0.25  # of the displacement, at its beginning
-LONGEST_LAG_S = 0.5  # s
-WORST_RAMP_RESIDUAL = 0.1  # of the displacement: residual of a fit that means nothing
-LONGEST_LAG_SHARE = 0.02  # of the time for which the valve is open: a longer lag bends u0 and K
-RATE_TOLERANCE = 0.05  # of u0 and of K, between two rates of which neither bends them
-
-CLOSED_LOOP_RATIO = 2.0
-LONGEST_RESPONSE_S = 0.5  # s, lag and dead time
-WORST_STEP_RESIDUAL = 0.1  # of the displacement
-DEAD_BAND_SHARE = 0.5  # of the dead band, that kp times the position tolerance may reach
 
 
 class JointInstant(NamedTuple):
@@ -69,7 +47,7 @@ class Rest:
     @property
     def movement(self) -> float:
         """The least displacement that cannot be noise [rad, m]."""
-        return MOVEMENT_STEPS * max(self.noise, self.resolution)
+        return constants.MOVEMENT_STEPS * max(self.noise, self.resolution)
 
 
 def at_rest(
@@ -89,7 +67,10 @@ def at_rest(
     seconds = float(np.ptp(since))
     rate, first = (float(coefficient) for coefficient in np.polyfit(since, readings, 1))
     noise = float(np.std(readings - first - rate * since))
-    drift, allowed = rate * seconds, max(MOVEMENT_STEPS * resolution, FASTEST_SINKING * seconds)
+    drift, allowed = (
+        rate * seconds,
+        max(constants.MOVEMENT_STEPS * resolution, constants.FASTEST_SINKING * seconds),
+    )
     # not in units of the noise, which a motion would itself raise
     if not abs(drift) <= allowed:
         raise DataError(
@@ -107,10 +88,10 @@ def moved(time: np.ndarray, position: np.ndarray, rest: Rest) -> float:
     moved. Means of `BLOCK_S` take shaking out.
     """
     since = time - time[0]
-    _, block, count = np.unique(since // BLOCK_S, return_inverse=True, return_counts=True)
+    _, block, count = np.unique(since // constants.BLOCK_S, return_inverse=True, return_counts=True)
     at, where = (np.bincount(block, values) / count for values in (since, position))
     displacement = np.diff(where)
-    fast = np.abs(displacement) > FASTEST_SINKING * np.diff(at) + 2.0 * max(
+    fast = np.abs(displacement) > constants.FASTEST_SINKING * np.diff(at) + 2.0 * max(
         rest.noise, rest.resolution
     )
     return float(displacement[fast].sum())
@@ -151,12 +132,13 @@ def find_encoder(
     moved_to: where it is known to be at the end [rad, m]
     `DataError` if the movement was too small to tell it from noise, or contradicts `moved_to`.
     """
-    smallest = SMALLEST_MOVEMENTS * rest.movement
+    smallest = constants.SMALLEST_MOVEMENTS * rest.movement
     if abs(moved) < smallest:
         raise DataError(
             f"{joint}: the encoder was moved by {abs(moved):.3g}, at least {smallest:.3g} is "
-            f"needed for the direction; move the joint further, faster than {FASTEST_SINKING:g} "
-            "per second (slower, it counts as sinking), and no other one"
+            "needed for the direction; move the joint further, faster than "
+            f"{constants.FASTEST_SINKING:g} per second (slower, it counts as sinking), and no "
+            "other one"
         )
     sign: Literal[-1, 1] = 1 if moved > 0 else -1
     scale = None
@@ -172,12 +154,12 @@ def find_encoder(
                 f"{joint}: moved from {known:.4g} to {moved_to:.4g}, which is not the direction "
                 "in which it was moved; move it in its positive direction, and check the two values"
             )
-        if abs(scale - 1.0) > SCALE_TOLERANCE:
+        if abs(scale - 1.0) > constants.SCALE_TOLERANCE:
             raise DataError(
                 f"{joint}: the encoder shows {sign * displacement:.4g}, but the joint moved by "
-                f"{moved_to - known:.4g}: a ratio of {scale:.3f}, allowed 1 ± {SCALE_TOLERANCE}; "
-                "check unit and scale of the signal in the DBC, the gear of the encoder, and the "
-                "two values"
+                f"{moved_to - known:.4g}: a ratio of {scale:.3f}, allowed 1 ± "
+                f"{constants.SCALE_TOLERANCE}; check unit and scale of the signal in the DBC, the "
+                "gear of the encoder, and the two values"
             )
     return EncoderResult(
         sign=sign,
@@ -213,17 +195,17 @@ def find_offset(name: str, readings: np.ndarray) -> PressureResult:
     drift = abs(float(np.mean(readings[half:]) - np.mean(readings[:half])))
     if not np.isfinite(offset):
         raise DataError(f"{name}: some of its readings are missing; see /diagnostics")
-    if abs(offset) > LARGEST_OFFSET_PA:
+    if abs(offset) > constants.LARGEST_OFFSET_PA:
         raise DataError(
             f"{name} reads {offset / 1e5:.2f} bar, an offset is at most "
-            f"{LARGEST_OFFSET_PA / 1e5:g} bar; the chamber is not vented: stop the engine, "
-            "lower the crane onto its supports and let the pressure off"
+            f"{constants.LARGEST_OFFSET_PA / 1e5:g} bar; the chamber is not vented: stop the "
+            "engine, lower the crane onto its supports and let the pressure off"
         )
-    if spread > LARGEST_SPREAD_PA or drift > LARGEST_DRIFT_PA:
+    if spread > constants.LARGEST_SPREAD_PA or drift > constants.LARGEST_DRIFT_PA:
         raise DataError(
             f"{name} is not at rest: spread {spread / 1e5:.2f} bar, limit "
-            f"{LARGEST_SPREAD_PA / 1e5:g}; drift {drift / 1e5:.2f} bar, limit "
-            f"{LARGEST_DRIFT_PA / 1e5:g}; wait, and measure again"
+            f"{constants.LARGEST_SPREAD_PA / 1e5:g}; drift {drift / 1e5:.2f} bar, limit "
+            f"{constants.LARGEST_DRIFT_PA / 1e5:g}; wait, and measure again"
         )
     stuck = bool(np.ptp(readings) == 0.0)
     return PressureResult(
@@ -277,12 +259,13 @@ class DeadBandFit:
 
     @property
     def hurried(self) -> bool:
-        return self.lag > LONGEST_LAG_SHARE * self.opened
+        return self.lag > constants.LONGEST_LAG_SHARE * self.opened
 
     def agrees(self, other_rate: "DeadBandFit") -> bool:
         pairs = (self.dead_band, other_rate.dead_band), (self.gain, other_rate.gain)
         return all(
-            abs(faster - slower) <= RATE_TOLERANCE * max(faster, slower) for faster, slower in pairs
+            abs(faster - slower) <= constants.RATE_TOLERANCE * max(faster, slower)
+            for faster, slower in pairs
         )
 
 
@@ -330,7 +313,7 @@ def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
     displacement = float(position.max())
     if displacement <= -float(position.min()):
         raise DataError(f"{name}: no movement in the direction of the command; check its polarity")
-    start = int(np.argmax(position > LEFT_OUT_SHARE * displacement))
+    start = int(np.argmax(position > constants.LEFT_OUT_SHARE * displacement))
     used = np.arange(len(position)) >= start
     scale = displacement / max(float(cumulative_trapezoid(turned.command, time)[-1]), 1e-9)
     peak = float(turned.command.max())
@@ -347,15 +330,18 @@ def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
     fit = least_squares(
         residual,
         x0=[0.5 * peak, 2.0 * scale, 0.05, 0.0],
-        bounds=([0.0, 0.0, 0.0, -displacement], [peak, np.inf, LONGEST_LAG_S, displacement]),
+        bounds=(
+            [0.0, 0.0, 0.0, -displacement],
+            [peak, np.inf, constants.LONGEST_LAG_S, displacement],
+        ),
         x_scale=[peak, scale, 0.05, displacement],
     )
     rms = float(np.sqrt(np.mean(fit.fun**2)))
-    if rms > WORST_RAMP_RESIDUAL:
+    if rms > constants.WORST_RAMP_RESIDUAL:
         raise DataError(
             f"{name}: the displacement does not follow the command, residual {rms:.0%} of it, "
-            f"limit {WORST_RAMP_RESIDUAL:.0%}; the joint sticks, is held back by a limit, or the "
-            "ramp is too fast"
+            f"limit {constants.WORST_RAMP_RESIDUAL:.0%}; the joint sticks, is held back by a "
+            "limit, or the ramp is too fast"
         )
     opened = float(np.sum(np.diff(time)[turned.command[1:] > fit.x[0]]))
     covariance = rms**2 * np.linalg.pinv(fit.jac.T @ fit.jac)
@@ -436,15 +422,18 @@ def fit_step(name: str, trace: Trace, beyond: float) -> StepFit:
     fit = least_squares(
         lambda parameters: (modelled(parameters) - position) / displacement,
         x0=[1.2 * guess, 0.03, 0.05],
-        bounds=([0.0, 0.0, 1e-3], [np.inf, LONGEST_RESPONSE_S, LONGEST_RESPONSE_S]),
+        bounds=(
+            [0.0, 0.0, 1e-3],
+            [np.inf, constants.LONGEST_RESPONSE_S, constants.LONGEST_RESPONSE_S],
+        ),
         x_scale=[guess, 0.05, 0.05],
     )
     rms = float(np.sqrt(np.mean(fit.fun**2)))
-    if rms > WORST_STEP_RESIDUAL:
+    if rms > constants.WORST_STEP_RESIDUAL:
         raise DataError(
             f"{name}: the response is none of an integrator with lag, residual {rms:.0%} of the "
-            f"displacement, limit {WORST_STEP_RESIDUAL:.0%}; the joint sticks or is held back by a "
-            "limit"
+            f"displacement, limit {constants.WORST_STEP_RESIDUAL:.0%}; the joint sticks or is held "
+            "back by a limit"
         )
     gain, dead_time, lag = (float(value) for value in fit.x)
     return StepFit(gain, dead_time, lag, trace.position[0] + modelled(fit.x))
@@ -469,11 +458,11 @@ def first_gains(
     gain = max(fit.gain for fit in fits)
     dead_time = max(fit.dead_time for fit in fits)
     lag = max(fit.lag for fit in fits)
-    time_constant = max(fastest, CLOSED_LOOP_RATIO * (dead_time + lag))
+    time_constant = max(fastest, constants.CLOSED_LOOP_RATIO * (dead_time + lag))
     kp = 1.0 / (gain * (time_constant + dead_time))
     return FirstGains(
         kp=kp,
         kd=kp * lag,
         time_constant=time_constant,
-        position_tolerance=min(tolerance, DEAD_BAND_SHARE * smallest_dead_band / kp),
+        position_tolerance=min(tolerance, constants.DEAD_BAND_SHARE * smallest_dead_band / kp),
     )

@@ -4,21 +4,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from crane_driver.operator.bringup.estimates import (
-    FASTEST_SINKING,
-    JointInstant,
-    Nudge,
-    Rest,
-    Trace,
-)
+from crane_driver import constants
+from crane_driver.operator.bringup.estimates import JointInstant, Nudge, Rest, Trace
 from crane_model.errors import CraneError, DataError
-
-SHAKEN_MOVEMENTS = 10.0  # movements, by which another joint may be shaken
-TRIANGLE_MOVEMENTS = 12.0  # movements, that a triangle takes at least until it turns
-STILL_S = 0.3  # s without a movement: a joint that stands
-MOTION_TIMEOUT_S = 10.0  # until a joint stands, or moves
-# s; stamps go back by less where the driver begins to know when was sampled
-CLOCK_SET_BACK_S = 0.05
 
 
 class MotionError(CraneError):
@@ -65,8 +53,8 @@ class Mover:
         self.joint, self.rest = joint, rests[joints.index(joint)]
         self.drive, self._joints, self._index = drive, joints, joints.index(joint)
         self._start = np.array([rest.position for rest in rests])
-        self._sinking = FASTEST_SINKING * (np.arange(len(joints)) != self._index)
-        self._allowed = SHAKEN_MOVEMENTS * np.array([rest.movement for rest in rests])
+        self._sinking = constants.FASTEST_SINKING * (np.arange(len(joints)) != self._index)
+        self._allowed = constants.SHAKEN_MOVEMENTS * np.array([rest.movement for rest in rests])
         self._allowed[self._index] = travel
         self.samples: list[JointInstant] = []
         self._sent: list[tuple[float, float]] = []
@@ -78,7 +66,7 @@ class Mover:
         before = self.samples[-1:]
         self.samples += tick.samples
         self._watch(before)
-        if before and (leap := before[0].time - self.samples[-1].time) > CLOCK_SET_BACK_S:
+        if before and (leap := before[0].time - self.samples[-1].time) > constants.CLOCK_SET_BACK_S:
             raise MotionError(  # by that clock commands rise and fall
                 f"the clock of the joint states was set back by {leap:.3g} s; measure again"
             )
@@ -115,14 +103,14 @@ class Mover:
             recent = [
                 sample.position[self._index]
                 for sample in self.samples
-                if sample.time > now - STILL_S
+                if sample.time > now - constants.STILL_S
             ]
-            if now - begun >= STILL_S and np.ptp(recent) <= self.rest.movement:
+            if now - begun >= constants.STILL_S and np.ptp(recent) <= self.rest.movement:
                 return
-            if now - begun > MOTION_TIMEOUT_S:
+            if now - begun > constants.MOTION_TIMEOUT_S:
                 raise MotionError(
-                    f"{self.joint} does not come to rest within {MOTION_TIMEOUT_S:g} s of neutral; "
-                    "it sinks or swings, and nothing can be measured on it"
+                    f"{self.joint} does not come to rest within {constants.MOTION_TIMEOUT_S:g} s "
+                    "of neutral; it sinks or swings, and nothing can be measured on it"
                 )
 
     def _watch(self, before: list[JointInstant]) -> None:
@@ -140,8 +128,8 @@ class Mover:
                 )
             raise MotionError(
                 f"{self._joints[i]} has moved by {moved[i]:+.3g} while {self.joint} was commanded, "
-                f"allowed ±{self._allowed[i]:.3g} and what sinks at {FASTEST_SINKING:g} per "
-                "second; are signals, hoses or plugs exchanged, or does it sink faster?"
+                f"allowed ±{self._allowed[i]:.3g} and what sinks at {constants.FASTEST_SINKING:g} "
+                "per second; are signals, hoses or plugs exchanged, or does it sink faster?"
             )
 
 
@@ -157,7 +145,7 @@ def nudge(mover: Mover, direction: int, rate: float, limit: float) -> Nudge:
         now = mover.samples[-1].time
         command = _within(mover, rate * (now - begun), limit)
         mover.tick(direction * command)
-        sinking = FASTEST_SINKING * (mover.samples[-1].time - now)
+        sinking = constants.FASTEST_SINKING * (mover.samples[-1].time - now)
         start = float(_followed(start, mover.position, sinking))
     moved = mover.position - start
     mover.settle()
@@ -176,13 +164,13 @@ def triangle(mover: Mover, direction: int, rate: float, speed: float, limit: flo
     command = 0.0
     while not (
         direction * mover.speed >= speed
-        and abs(mover.position - start) > TRIANGLE_MOVEMENTS * mover.rest.movement
+        and abs(mover.position - start) > constants.TRIANGLE_MOVEMENTS * mover.rest.movement
     ):
         command = _within(mover, rate * (mover.samples[-1].time - begun), limit)
         mover.tick(direction * command)
         if (
             direction * (moved := mover.position - start)
-            < -TRIANGLE_MOVEMENTS * mover.rest.movement
+            < -constants.TRIANGLE_MOVEMENTS * mover.rest.movement
         ):
             raise MotionError(
                 f"{mover.joint} moves against its command: by {moved:+.3g} at "
@@ -230,10 +218,10 @@ def back(mover: Mover, upwards: float, downwards: float) -> None:
         now = mover.samples[-1].time
         if left < nearest - mover.rest.movement:
             nearest, since = left, now
-        elif now - since > MOTION_TIMEOUT_S:
+        elif now - since > constants.MOTION_TIMEOUT_S:
             raise MotionError(
                 f"{mover.joint} does not come back by a command of {command:.3g} in "
-                f"{MOTION_TIMEOUT_S:g} s"
+                f"{constants.MOTION_TIMEOUT_S:g} s"
             )
         mover.tick(command)
     mover.settle()

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from crane_driver import constants
 from crane_driver.operator.bringup import motion
 from crane_driver.operator.bringup.bench import Bench
 from crane_driver.operator.bringup.estimates import (
@@ -26,7 +27,7 @@ from crane_driver.operator.bringup.estimates import (
     fit_step,
     moved,
 )
-from crane_driver.operator.bringup.motion import SHAKEN_MOVEMENTS, Mover
+from crane_driver.operator.bringup.motion import Mover
 from crane_driver.operator.bringup.results import (
     BAR_PA,
     CONTROLLER_FILE,
@@ -45,11 +46,7 @@ from crane_model.errors import ConfigurationError, DataError
 
 DIRECTIONS = {1: "positive", -1: "negative"}
 Runs: TypeAlias = dict[int, list[RampFit]]  # by direction
-SLOWEST_RATE_RATIO = 16.0  # by which a rate is divided at most
 
-# Share of the travel that a step response may take; at most `LONGEST_STEP_RESPONSE_S`
-STEP_TRAVEL_SHARE = 0.15
-LONGEST_STEP_RESPONSE_S = 1.0  # s
 MOVES_BY_ITSELF = """This step moves the crane by itself: {what}
 Nobody within its reach. The emergency stop of the machine in your hand. Unloaded, engine at idle,
 every joint far from its limits, from ground and pillar. Ctrl-C: neutral, disabled, end."""
@@ -73,7 +70,7 @@ def unhurried(bench: Bench, mover: Mover) -> tuple[float, Runs]:
             if hurried
             else f"{mover.joint}: a ramp of {rate:.3g}/s gives another valve than a faster one"
         )
-        if rate / 2.0 < bench.protocol.rate / SLOWEST_RATE_RATIO:
+        if rate / 2.0 < bench.protocol.rate / constants.SLOWEST_RATE_RATIO:
             raise DataError(f"{what}: that determines no dead band; give a smaller --rate")
         rate, faster = rate / 2.0, last
         bench.terminal.say(f"  {what}; again with {rate:.3g}/s")
@@ -235,7 +232,7 @@ def _only_moved(
     joint: str, joints: Sequence[str], moves: Sequence[float], before: Sequence[Rest]
 ) -> None:
     for neighbour, move, rest in zip(joints, moves, before, strict=True):
-        allowed = SHAKEN_MOVEMENTS * rest.movement
+        allowed = constants.SHAKEN_MOVEMENTS * rest.movement
         if neighbour != joint and abs(move) > allowed:
             raise DataError(
                 f"{neighbour} was moved by {move:+.3g} while {joint} was measured, allowed "
@@ -340,7 +337,8 @@ def gains(bench: Bench, controller: Path) -> None:
         fits[joint] = []
         both = bands[joint]
         duration = min(
-            LONGEST_STEP_RESPONSE_S, STEP_TRAVEL_SHARE * protocol.travel / protocol.speed
+            constants.LONGEST_STEP_RESPONSE_S,
+            constants.STEP_TRAVEL_SHARE * protocol.travel / protocol.speed,
         )
         with bench.moving(joint) as mover:
             for direction, band in ((1, both.positive), (-1, both.negative)):

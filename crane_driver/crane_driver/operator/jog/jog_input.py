@@ -12,7 +12,7 @@ from contextlib import suppress
 from enum import StrEnum
 from typing import NamedTuple, Self
 
-from crane_driver.operator import LONGEST_PAUSE_S
+from crane_driver import constants
 from crane_model.errors import ConfigurationError, CraneError
 
 JOINT_KEYS = (
@@ -24,8 +24,6 @@ SPEED_KEYS = "123456789"
 FIRST_SPEED = 3
 STOP_KEY = "x"
 
-JOYSTICK_SILENCE_S = 0.1  # s
-CENTRE_SHARE = 0.1  # an axis within it is at rest
 
 LARGEST_READ_BYTES = 4096  # bytes read at once
 IFLAG, CC = 0, 6  # places in what tcgetattr gives
@@ -75,7 +73,7 @@ class JogMotion:
     def step(self, demand: Demand | None, now: float) -> dict[str, float]:
         """The commands (-1 to 1) of all joints at `now`, while `demand` is held."""
         dt, self._stepped = now - self._stepped, now
-        if dt > LONGEST_PAUSE_S:  # everything begins at neutral again
+        if dt > constants.LONGEST_PAUSE_S:  # everything begins at neutral again
             self._level, self._let_go = 0.0, False
         if demand is None:
             self._let_go = True
@@ -190,7 +188,7 @@ class Joystick:
         self.problem = ""  # why it is not followed
 
     def received(self, axes: Sequence[float], buttons: Sequence[int], now: float) -> None:
-        if now - self._received > JOYSTICK_SILENCE_S:
+        if now - self._received > constants.JOYSTICK_SILENCE_S:
             self._release("")
         self._received = now
         if problem := self._wrong(axes, buttons):
@@ -200,7 +198,9 @@ class Joystick:
             self._release("deadman button released")
             return
         pushed = {joint: axis.sign * axes[axis.number] for joint, axis in self._axes.items()}
-        moved = {joint: value for joint, value in pushed.items() if abs(value) > CENTRE_SHARE}
+        moved = {
+            joint: value for joint, value in pushed.items() if abs(value) > constants.CENTRE_SHARE
+        }
         if not self._armed:
             self._armed = not moved
             self.problem = "" if self._armed else "bring all axes to their centres first"
@@ -214,7 +214,7 @@ class Joystick:
         self._demand = Demand(joint, _level(moved[joint]))
 
     def demand(self, now: float) -> Demand | None:
-        if now - self._received > JOYSTICK_SILENCE_S:
+        if now - self._received > constants.JOYSTICK_SILENCE_S:
             self._release("no messages on /joy")
         return self._demand
 
@@ -234,7 +234,9 @@ class Joystick:
 
 def _level(value: float) -> float:
     """0 at the edge of the centre, 1 at the end."""
-    return math.copysign(min(1.0, (abs(value) - CENTRE_SHARE) / (1.0 - CENTRE_SHARE)), value)
+    return math.copysign(
+        min(1.0, (abs(value) - constants.CENTRE_SHARE) / (1.0 - constants.CENTRE_SHARE)), value
+    )
 
 
 class TerminalError(CraneError):

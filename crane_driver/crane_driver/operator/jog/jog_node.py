@@ -20,7 +20,8 @@ from rich.table import Table
 from rich.text import Text
 from sensor_msgs.msg import JointState, Joy
 
-from crane_driver.operator import COMMAND_PERIOD_S, by_hand
+from crane_driver import constants
+from crane_driver.operator import by_hand
 from crane_driver.operator.jog.jog_input import (
     CONTROLS,
     Axis,
@@ -62,10 +63,6 @@ FALL_TIME = Number("fall_time", 0.03, "s", 0.01, 0.1, "From the maximum to neutr
 # Left bumper of a game pad, as `joy_node` of ROS has it.
 DEADMAN = Number("joy.deadman", 4, "1", 0, 63, "Button to be held, counted from 0", whole=True)
 
-REFRESH_PERIOD_S = 0.1  # s, of the display
-JOG_CALLBACKS = 4  # in a period at most, so that commands do not wait
-DRIVER_TIMEOUT_S = 10.0  # for a driver
-LAST_COMMANDS = 5  # neutral ones at the end
 NEWEST_MESSAGE = QoSProfile(depth=1)
 
 
@@ -242,7 +239,7 @@ class Jog(Node):
 
     def begin(self, stop: Stop) -> None:
         """Wait for the driver and become its publisher of commands; `JogError` if that fails."""
-        until = time.monotonic() + self.clock.patience(DRIVER_TIMEOUT_S)
+        until = time.monotonic() + self.clock.patience(constants.DRIVER_TIMEOUT_S)
         while not self._driver.ready:
             self._wait(stop, until, self._driver.problem or "the services of the driver are away")
         if others := publishers(self, "valve_command"):
@@ -255,7 +252,7 @@ class Jog(Node):
         say_ready(self)
 
     def work(self) -> None:
-        for _ in range(JOG_CALLBACKS):
+        for _ in range(constants.JOG_CALLBACKS):
             self._worker.spin_once(timeout_sec=0.0)
 
     def command(self, demand: Demand | None) -> None:
@@ -271,12 +268,12 @@ class Jog(Node):
 
         Nobody waits then for commands of a jog whose terminal does not end.
         """
-        left = LAST_COMMANDS
+        left = constants.LAST_COMMANDS
         while self._publisher and left:
             self.command(None)
             left -= self.motion.neutral
             self._worker.spin_once(timeout_sec=0.0)  # of what time it is
-            time.sleep(COMMAND_PERIOD_S)
+            time.sleep(constants.COMMAND_PERIOD_S)
         if self._publisher:
             self._publisher.wait_for_all_acked(Duration(seconds=0.5))
             self.destroy_publisher(self._publisher)
@@ -380,9 +377,9 @@ def _jog(jog: Jog, terminal: KeyTerminal | NoTerminal, screen: Screen, stop: Sto
             continue
         jog.work()
         jog.command(jog.demand())
-        due = max(due + COMMAND_PERIOD_S, now)
+        due = max(due + constants.COMMAND_PERIOD_S, now)
         if now >= refresh:
-            refresh = now + REFRESH_PERIOD_S
+            refresh = now + constants.REFRESH_PERIOD_S
             for text in jog.messages:
                 screen.say(by_hand(text, controls))
             jog.messages.clear()

@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
+from crane_driver import constants
 from crane_driver.operator import by_hand
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import CylinderPressures, DriverState
@@ -18,7 +19,6 @@ from crane_model.machine import Machine
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.executor import Polled
 
-OLDEST_READING_S = 0.5  # what is older is not shown as if it were so now
 SUPPLY, TANK = "supply", "tank"
 BUTTONS = {
     "enable": "Enable",
@@ -32,8 +32,6 @@ Content = dict[str, Any]
 
 NEWEST_READING = QoSProfile(depth=1)
 WATCH_DEPTH = 10  # messages
-FAULTS_KEPT = 20
-EXPERIMENT_SILENCE_S = 1.0  # feedback comes ten times a second
 ACTION = "run_excitation"
 NONE_YET = "none"  # as the trajectory node says it
 PHASES = {
@@ -70,7 +68,9 @@ class ShownReadings:
 
     def of(self, name: str, count: int, now: float) -> list[float | None]:
         """(count,) of a name: null where not finite, not there, or old."""
-        values = self._values.get(name, ()) if now - self._came <= OLDEST_READING_S else ()
+        values = (
+            self._values.get(name, ()) if now - self._came <= constants.OLDEST_READING_S else ()
+        )
         if len(values) != count:
             return [None] * count
         numbers: list[float | None] = plain([float(value) for value in values])
@@ -124,7 +124,7 @@ class CraneWatch:
 
     def __init__(self, node: Node, machine: Machine):
         self.driver = DriverClient(node, self._told)
-        self.faults: deque[Content] = deque(maxlen=FAULTS_KEPT)  # the newest first
+        self.faults: deque[Content] = deque(maxlen=constants.FAULTS_KEPT)  # the newest first
         self._machine, self._namespace = machine, node.get_namespace()
         self._positions = ShownReadings()
         self._chambers, self._lines = ShownReadings(), ShownReadings()
@@ -187,7 +187,7 @@ class CraneWatch:
             )
 
     def _experiment(self, now: float) -> Content:
-        feedback = self._feedback if now - self._fed <= EXPERIMENT_SILENCE_S else None
+        feedback = self._feedback if now - self._fed <= constants.EXPERIMENT_SILENCE_S else None
         if feedback is None:
             return {"running": False, "last": self._last}
         return {

@@ -26,6 +26,7 @@ from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from typing_extensions import override
 
+from crane_driver import constants
 from crane_model.errors import ConfigurationError
 from crane_nodes.driver_client import DriverClient, NoDriverError
 
@@ -34,7 +35,6 @@ PAGE_FILES = {
     "panel.css": ("panel.css", "text/css"),
     "panel.js": ("panel.js", "text/javascript"),
 }
-LARGEST_MESSAGE_BYTES = 1000  # bytes from a page; they have fifty
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -49,16 +49,9 @@ HEADERS = {
 
 ALPHABET = "abcdefghjkmnpqrstuvwxyz23456789"  # nothing that looks like something else
 GROUPS, GROUP_LENGTH = 2, 4
-# After a wrong token, for the page that gave it: another page is not held up
-WRONG_TOKEN_WAIT_S = 1.0
 
-PAGE_SILENCE_S = 1.5  # a page tells of every picture that it has shown; ten of them come a second
-LOOK_PAUSE_S = 0.5  # between two looks, beyond which the panel itself was held up; ten a second
-MOST_PAGES = 16  # open at once: each costs a picture ten times a second
-LONGEST_REASON_CHARACTERS = 150  # characters
 
 STOP_REQUEST = "stop"  # needs no token and no live line: it only takes motion away
-ANSWER_TIMEOUT_S = 5.0  # for a page without a live line; by itself it warns after one second
 
 
 class PageListener(Protocol):
@@ -193,7 +186,7 @@ def listen(
             (rf"/({'|'.join(PAGE_FILES)})", _File),
         ],
         names=names,  # allowed beside localhost and addresses
-        websocket_max_message_size=LARGEST_MESSAGE_BYTES,
+        websocket_max_message_size=constants.LARGEST_MESSAGE_BYTES,
         log_function=lambda handler: None,
     )
     try:
@@ -203,7 +196,7 @@ def listen(
             f"parameters 'address' and 'port': cannot listen on {address}:{port}: "
             f"{error.strerror}; does another panel run? Give another port"
         ) from None
-    server = HTTPServer(application, max_body_size=LARGEST_MESSAGE_BYTES)
+    server = HTTPServer(application, max_body_size=constants.LARGEST_MESSAGE_BYTES)
     server.add_sockets(sockets)
     return server, int(sockets[0].getsockname()[1])
 
@@ -227,7 +220,7 @@ class Arming:
             return "a wrong token was given a moment ago; wait a second, then try again"
         if hmac.compare_digest(given.strip().lower().encode(errors="replace"), self._token):
             return ""
-        self._wait_until = now + WRONG_TOKEN_WAIT_S
+        self._wait_until = now + constants.WRONG_TOKEN_WAIT_S
         return "this is not the token that the panel's terminal shows"
 
 
@@ -258,8 +251,8 @@ def legible(reason: str) -> str:
     plain = "".join(character if " " <= character <= "~" else "?" for character in reason)
     return (
         plain
-        if len(plain) <= LONGEST_REASON_CHARACTERS
-        else f"{plain[: LONGEST_REASON_CHARACTERS - 3]}..."
+        if len(plain) <= constants.LONGEST_REASON_CHARACTERS
+        else f"{plain[: constants.LONGEST_REASON_CHARACTERS - 3]}..."
     )
 
 
@@ -274,9 +267,9 @@ class Pages:
     @property
     def refusal(self) -> str:
         """Why no other page may open; empty if one may."""
-        if self.count < MOST_PAGES:
+        if self.count < constants.MOST_PAGES:
             return ""
-        return f"{self.count} pages are open, limit {MOST_PAGES}; close another one"
+        return f"{self.count} pages are open, limit {constants.MOST_PAGES}; close another one"
 
     def opened(self, address: str, now: float) -> Page:
         page = Page(address, now)
@@ -297,10 +290,10 @@ class Pages:
         """Pages that were silent for too long, except while the panel itself was held up."""
         pause = 0.0 if self._looked is None else now - self._looked
         self._looked = now
-        if pause > LOOK_PAUSE_S:
+        if pause > constants.LOOK_PAUSE_S:
             for page in self._open:
                 page.seen = min(page.seen + pause, now)
-        return [page for page in self._open if now - page.seen > PAGE_SILENCE_S]
+        return [page for page in self._open if now - page.seen > constants.PAGE_SILENCE_S]
 
     def is_open(self, page: Page) -> bool:
         return page in self._open
@@ -352,14 +345,14 @@ class Asking:
         answers: asyncio.Queue[DriverAnswer] = asyncio.Queue()
         count = self.ask(STOP_REQUEST, answers.put_nowait)
         try:
-            async with asyncio.timeout(ANSWER_TIMEOUT_S):
+            async with asyncio.timeout(constants.ANSWER_TIMEOUT_S):
                 received = [await answers.get() for _ in range(count)]
         except TimeoutError:
             return DriverAnswer(
                 STOP_REQUEST,
                 False,
-                f"the driver did not answer within {ANSWER_TIMEOUT_S:g} s; use the machine's "
-                "emergency stop",
+                f"the driver did not answer within {constants.ANSWER_TIMEOUT_S:g} s; use the "
+                "machine's emergency stop",
             )
         success = all(answer.success for answer in received)
         return DriverAnswer(STOP_REQUEST, success, "; ".join(answer.message for answer in received))

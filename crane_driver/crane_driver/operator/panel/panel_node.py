@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from crane_driver import constants
 from crane_driver.operator.panel.crane_watch import Content, CraneWatch, plain, wall_clock
 from crane_driver.operator.panel.pages import (
     STOP_REQUEST,
@@ -48,13 +49,7 @@ NAMES = Text(
 PARAMETERS = (ADDRESS, PORT, NAMES)
 
 
-WORK_PERIOD_S = 0.02
-PICTURE_PERIOD_S = 0.1
-PAGES_REPORT_PERIOD_S = 1.0
-PANEL_CALLBACKS = 8  # in a period at most, so that pages do not wait
 GOING_AWAY, TRY_AGAIN_LATER = 1001, 1013  # of RFC 6455, and of IANA
-GOODBYE_S = 1.0  # for the answers of all pages
-REFUSALS_PERIOD_S = 10.0  # in the log: a page that is refused asks again every second
 
 ABOUT_PANEL = """A page for the operator, in a browser: state, joints, pressures, faults, progress,
 and the buttons stop, enable, disable and reset. All but stop need the token that is printed here.
@@ -84,7 +79,7 @@ class OperatorPanel(Node):
             socket.close(TRY_AGAIN_LATER, refusal)
             self.get_logger().warning(
                 f"a page from {address} was refused: {refusal}",
-                throttle_duration_sec=REFUSALS_PERIOD_S,
+                throttle_duration_sec=constants.REFUSALS_PERIOD_S,
             )
             return None
         line = _PageLine(self, socket, self.pages.opened(address, time.monotonic()))
@@ -105,14 +100,14 @@ class OperatorPanel(Node):
         return answer
 
     def work(self) -> None:
-        for _ in range(PANEL_CALLBACKS):
+        for _ in range(constants.PANEL_CALLBACKS):
             self._worker.spin_once(timeout_sec=0.0)
         now = time.monotonic()
         if now >= self._picture_due:
-            self._picture_due = now + PICTURE_PERIOD_S
+            self._picture_due = now + constants.PICTURE_PERIOD_S
             self._show(now)
         if now >= self._report_due:
-            self._report_due = now + PAGES_REPORT_PERIOD_S
+            self._report_due = now + constants.PAGES_REPORT_PERIOD_S
             self._report()
 
     async def end(self) -> None:
@@ -124,7 +119,7 @@ class OperatorPanel(Node):
             line.hang_up("the panel was ended", GOING_AWAY)
         if lines:
             answers = [asyncio.ensure_future(line.gone()) for line in lines]
-            await asyncio.wait(answers, timeout=GOODBYE_S)
+            await asyncio.wait(answers, timeout=constants.GOODBYE_S)
 
     def _show(self, now: float) -> None:
         silent = self.pages.silent(now)
@@ -240,7 +235,7 @@ async def _serve(panel: OperatorPanel, stop: Stop) -> None:
     try:
         while not stop.requested:
             panel.work()
-            await asyncio.sleep(WORK_PERIOD_S)
+            await asyncio.sleep(constants.WORK_PERIOD_S)
     finally:
         server.stop()
         await panel.end()

@@ -20,7 +20,6 @@ TRAIN, VALIDATE = "train", "validate"
 PAUSE = (60.0, 420.0)  # s, between two recordings of a session
 WARM = (600.0, 1800.0)  # s for which the machine has worked before a session begins warm
 YEAR = 365 * 86400  # s
-LIGHTER = (0.4, 0.8)  # of the strongest: an effect that is not always as strong
 
 
 class CaseKind(StrEnum):
@@ -33,17 +32,6 @@ class CaseKind(StrEnum):
     INSUFFICIENT = "too little data"
     LENGTHS = "lengths that are not the file's"  # nothing else is hidden
     SINGLE = "single"
-
-
-class Story(StrEnum):
-    """Story of a case of the strangers; tables print the value."""
-
-    LOAD = "a load, on and off"
-    WARMING = "oil that warms up over the session"
-    STRONG = "a strong effect"
-    ONCE = "an effect in one recording alone"
-    SPOOLS = "valves with unequal edges"
-    NOTHING = "nothing"
 
 
 class Simulator(StrEnum):
@@ -65,8 +53,6 @@ class Carried(StrEnum):
 
     ALL = "all"
     LATER = "later"  # half of those to train on
-    SOME = "some"  # on and off at random, to train and to validate on, not always as strong
-    ONE = "one"  # of those to train on
 
 
 class EffectToHide(Schema):
@@ -82,8 +68,6 @@ class EffectToHide(Schema):
     """Law that it follows in the machine."""
     relative_magnitude: float
     """Rms of its force over that of the drive, that is asked for [-]."""
-    parameters: dict[str, float] = {}
-    """Parameters of that model form [SI]; missing ones are drawn."""
     carried: Carried = Carried.ALL
     """Which recordings carry it."""
 
@@ -115,7 +99,6 @@ class Case(Schema):
     warm: bool = False
     spools: bool = False
     off: bool = False
-    story: Story | None = None
 
 
 # The recordings of a case: when each was made, and which of the hidden effects it carries.
@@ -148,7 +131,7 @@ def recordings(
     """Those of a case, by name; in the field they were made in any other order."""
     motions = [*train, *validate]
     moments = _session(rng, case.warm, motions) if case.world is World.FIELD else None
-    shares = [_shares(rng, effect.carried, len(train), len(validate)) for effect in case.effects]
+    shares = [_shares(effect.carried, len(train), len(validate)) for effect in case.effects]
     return [
         SessionRecording(
             part=TRAIN if k < len(train) else VALIDATE,
@@ -172,19 +155,10 @@ def _session(rng: np.random.Generator, warm: bool, motions: Sequence[Motion]) ->
     return moments
 
 
-def _shares(rng: np.random.Generator, carried: Carried, train: int, validate: int) -> np.ndarray:
+def _shares(carried: Carried, train: int, validate: int) -> np.ndarray:
     """(train + validate,) of the magnitude of an effect, in each recording."""
     shares = np.ones(train + validate)
     if carried is Carried.LATER:
         shares[: train // 2] = 0.0
         shares[train:] = 0.0
-    elif carried is Carried.ONE:
-        shares[:] = 0.0
-        shares[rng.integers(train)] = 1.0
-    elif carried is Carried.SOME:
-        levels = np.array([1.0, rng.uniform(*LIGHTER) if rng.uniform() < 0.5 else 1.0])
-        on = rng.uniform(size=len(shares)) < 0.5
-        first = rng.permutation(train)[:2]
-        on[first] = True, False  # it shows at all in those to train on
-        shares = on * rng.choice(levels, len(shares))
     return shares

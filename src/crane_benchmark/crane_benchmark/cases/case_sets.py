@@ -1,7 +1,7 @@
 """Which cases a set holds: what is hidden in each, how strong, and how well it is excited."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from enum import StrEnum
 from itertools import cycle
 from typing import Any
@@ -14,7 +14,6 @@ from crane_benchmark.cases.case import (
     CaseKind,
     EffectToHide,
     Simulator,
-    Story,
     World,
 )
 from crane_benchmark.cases.motions import LABORATORY_CRANE, PLANAR_JOINTS, Richness
@@ -27,20 +26,6 @@ Laws = Mapping[str, Sequence[Form]]
 
 ABSORBED = ("pressure_gain",)  # by the masses: no data without a known weight show it
 LOAD = "payload"  # in all recordings it would be a link's mass
-STORIES = (
-    *(Story.LOAD,) * 3,
-    *(Story.WARMING,) * 2,
-    *(Story.STRONG,) * 2,
-    *(Story.ONCE,) * 2,
-    *(Story.SPOOLS,) * 2,
-    Story.NOTHING,
-)
-CLEAR, STRONG = 0.04, 0.08  # rms over that of the drive force
-LOADS = (0.02, 0.04, 0.08)
-WARMING = (300.0, 1200.0)  # s, time constant of the oil; a session takes some 40 minutes
-ZONE = 0.3  # rad, m, before the ends of the stroke
-IN_FORCE = ("stribeck", "load_friction", "seal_friction", "viscous_quadratic", "hose_stiffness")
-IN_FLOW = ("valve_hysteresis", "internal_leakage", "oil_compressibility")
 # rms over that of the drive force, of single effects
 RELATIVE_MAGNITUDES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 UNKNOWN = (0.02, 0.04, 0.08)  # of effects outside the catalogue
@@ -98,82 +83,10 @@ def in_any_form(
     )
 
 
-# Stories of machines of another make, of which a diagnosis once said what is not so.
-
-
 def field(rng: np.random.Generator) -> dict[str, Any]:
     """Draw what a case of the field has besides the injected effects."""
     warm, spools = (rng.uniform(size=2) < 0.5).tolist()
     return {"world": World.FIELD, "warm": warm, "spools": spools}
-
-
-def stranger(name: str, seed: tuple[int, int], number: int = 0) -> Case:
-    """The case of this `seed`, whose effects are drawn `number` times."""
-    rng = np.random.default_rng([20261121, *seed, number])
-    place = seed[1] % len(STORIES)
-    story = STORIES[place]
-    which = place - STORIES.index(story)  # of the cases that tell it
-    kind, effects, special = TELL[story](rng, which)
-    given = field(rng) | {"kind": kind, "effects": effects, "story": story} | special
-    return Case(name=name, seed=seed, **given)
-
-
-Told = tuple[CaseKind, tuple[EffectToHide, ...], dict[str, Any]]
-"""Kind, what is hidden, and what else is special."""
-
-
-def _load(rng: np.random.Generator, which: int) -> Told:
-    load = in_any_form(rng, LOAD, None, LOADS[which])
-    return CaseKind.SINGLE, (load.model_copy(update={"carried": Carried.SOME}),), {}
-
-
-def _warming(rng: np.random.Generator, which: int) -> Told:
-    viscosity = in_any_form(rng, "warm_up", _joint(rng), STRONG)
-    warming = round(float(rng.uniform(*WARMING)), 1)
-    viscosity = viscosity.model_copy(update={"parameters": {"warming": warming}})
-    return CaseKind.SINGLE, (viscosity,), {"warm": which == 1}
-
-
-def _strong(rng: np.random.Generator, which: int) -> Told:
-    effect = "end_cushioning" if which == 0 else str(rng.choice(IN_FORCE))
-    hidden = in_any_form(rng, effect, _joint(rng), STRONG)
-    if which == 0:  # a zone that most motions enter
-        hidden = hidden.model_copy(update={"parameters": {"zone": ZONE}})
-    return CaseKind.SINGLE, (hidden,), {}
-
-
-def _once(rng: np.random.Generator, which: int) -> Told:
-    """Waves of friction alone, hidden in held-out data; or an encoder's zero beside an effect."""
-    once = {"carried": Carried.ONE}
-    if which == 0:
-        waves = in_any_form(rng, "cyclic_friction", _joint(rng), STRONG)
-        return CaseKind.OUTSIDE, (waves.model_copy(update=once),), {}
-    zero = in_any_form(rng, "encoder_offset", str(rng.choice(PLANAR_JOINTS[:2])), CLEAR)
-    second = in_any_form(rng, str(rng.choice(IN_FORCE)), _joint(rng), CLEAR)
-    return CaseKind.PAIR, (second, zero.model_copy(update=once)), {}
-
-
-def _spools(rng: np.random.Generator, which: int) -> Told:
-    effect = str(rng.choice(IN_FORCE if which == 0 else IN_FLOW))
-    return CaseKind.SINGLE, (in_any_form(rng, effect, _joint(rng), CLEAR),), {"spools": True}
-
-
-def _nothing(rng: np.random.Generator, which: int) -> Told:
-    return CaseKind.NOTHING, (), {"spools": True}
-
-
-def _joint(rng: np.random.Generator) -> str:
-    return str(rng.choice(PLANAR_JOINTS))
-
-
-TELL: dict[Story, Callable[[np.random.Generator, int], Told]] = {
-    Story.LOAD: _load,
-    Story.WARMING: _warming,
-    Story.STRONG: _strong,
-    Story.ONCE: _once,
-    Story.SPOOLS: _spools,
-    Story.NOTHING: _nothing,
-}
 
 
 class CaseSet(StrEnum):
@@ -183,7 +96,6 @@ class CaseSet(StrEnum):
     CALIBRATION = "calibration"  # nothing hidden, half in the field: to set thresholds
     SCORING = "scoring"  # half of each simulator; once for each set of thresholds
     FORMER = "former"  # scored with the thresholds before these; for tuning since
-    STRANGERS = "strangers"  # in the field: what a diagnosis once got wrong there
     INDEPENDENT_TUNING = "independent_tuning"  # as tuning, of machines of other make
     INDEPENDENT_CLEAN = "independent_clean"  # as calibration, of machines of other make
 
@@ -193,7 +105,6 @@ SET_SEEDS = {
     CaseSet.CALIBRATION: 1,
     CaseSet.FORMER: 21,
     CaseSet.SCORING: 22,
-    CaseSet.STRANGERS: 7,
     CaseSet.INDEPENDENT_TUNING: 12,
     CaseSet.INDEPENDENT_CLEAN: 13,
 }
@@ -203,9 +114,7 @@ SET_SEEDS = {
 def cases(which: CaseSet, count: int) -> list[Case]:
     """The cases of a set, in an order that tells nothing."""
     seeds = [(SET_SEEDS[which], k) for k in range(count)]
-    if which is CaseSet.STRANGERS:
-        made = [stranger(_name(seed), seed) for seed in seeds]
-    elif which is CaseSet.CALIBRATION:
+    if which is CaseSet.CALIBRATION:
         made = [_null(seed, Simulator.PRIMARY) for seed in seeds]
     elif which is CaseSet.INDEPENDENT_CLEAN:
         made = [_null(seed, Simulator.INDEPENDENT) for seed in seeds]
@@ -220,9 +129,6 @@ def cases(which: CaseSet, count: int) -> list[Case]:
 
 def with_others(case: Case, number: int) -> Case:
     """The case with other effects of the same kind and magnitude, drawn `number` times."""
-    if case.story is not None:
-        told = stranger(case.name, case.seed, number)
-        return told.model_copy(update={"excitation": case.excitation})
     rng = np.random.default_rng([20261121, *case.seed, number])
     magnitudes = [effect.relative_magnitude for effect in case.effects]
     candidates = drawn(rng, case.kind is CaseKind.OUTSIDE, magnitudes, LAWS[case.simulator])

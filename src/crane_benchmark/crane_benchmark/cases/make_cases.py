@@ -36,16 +36,16 @@ from crane_trajectory.motion.motion import Motion
 
 WEAKER_FACTOR = 0.5  # what is asked for next of an effect that cannot be so strong
 DRAW_ATTEMPTS = 4
+SETS = 2  # of three motions to train on
 REDRAWN = 4  # times as many, with other effects
 
 
 @dataclass(frozen=True)
 class MakingJob:
-    """A case and where its set lies; `sets` of three motions each to train on."""
+    """A case and where its set lies."""
 
     case: Case
     folders: Folders
-    sets: int
 
     @property
     def name(self) -> str:
@@ -86,10 +86,10 @@ def _make(job: MakingJob, attempt: int) -> None:
         train, validate = maker.poor()
         measured = maker.designed(1)[0][:1]  # how strong an effect is does not depend on the data
     elif case.world is World.FIELD:
-        train, validate = maker.of_the_field(job.sets)
+        train, validate = maker.of_the_field(SETS)
         measured = [*validate, *train]  # not every random motion shows every effect
     else:
-        train, validate = maker.designed(job.sets)
+        train, validate = maker.designed(SETS)
         measured = train[:1]
 
     def injected(effects: tuple[EffectToHide, ...], motion: Motion) -> tuple[InjectedForm, ...]:
@@ -163,12 +163,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--from", type=int, default=0, dest="first", help="first case to make")
     add("--to", type=int, dest="last", help="case to stop before")
     add("--simulator", type=Simulator, help="simulator of the cases (default: both)")
-    add(
-        "--sets",
-        type=int,
-        default=2,
-        help="number of sets of three training recordings in each case",
-    )
     add("--quick", action="store_true", help="one short recording to train on instead")
     add("--folder", type=Path, required=True, help="of the set")
     add("--round", default="", help="of answers: cases that are answered there are not made")
@@ -181,7 +175,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         wanted = [case for case in wanted if case.simulator is arguments.simulator]
     if arguments.quick:
         wanted = [case.model_copy(update={"excitation": Richness.POOR}) for case in wanted]
-    jobs = [MakingJob(case, folders, arguments.sets) for case in wanted if case.name not in there]
+    jobs = [MakingJob(case, folders) for case in wanted if case.name not in there]
     if jobs:
         in_processes(make_case, jobs, arguments.workers, "bags")
     return 0

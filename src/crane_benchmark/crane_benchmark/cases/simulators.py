@@ -94,7 +94,7 @@ def drawn_machine(case: Case, machine: Machine, seed: int) -> DrawnMachine:
 def drawn_effects(
     simulator: Simulator, effects: Sequence[EffectToHide], simulated: SimulatedCrane, seed: int
 ) -> tuple[InjectedForm, ...]:
-    """The effects with parameters that are given or drawn, each magnitude at its start."""
+    """The effects with drawn parameters, each magnitude at its start."""
     injected = []
     for index, wanted_effect in enumerate(effects):
         form = next(
@@ -104,7 +104,7 @@ def drawn_effects(
         )
         wanted = InjectedForm(form, wanted_effect.joint, (), wanted_effect.relative_magnitude)
         rng = np.random.default_rng([seed, index])
-        injected.append(draw_one(rng, simulated, wanted, wanted_effect.parameters))
+        injected.append(draw_one(rng, simulated, wanted, {}))
     return tuple(injected)
 
 

@@ -1,5 +1,6 @@
-"""Gains, delays, turned encoders of the other make, three of each; and faults of no catalogue."""
+"""Faults of sensors of the other make: three of each effect of the catalogue, and of others."""
 
+from collections.abc import Callable
 from itertools import groupby
 
 import numpy as np
@@ -12,107 +13,51 @@ from crane_sim.effects.sensing import BothTransducers, EncoderFault, OneTransduc
 
 FULL = 2.5e7  # Pa, of a transducer
 
-
-class SoftMembrane(OneTransducer):
-    """A gain of chamber A that falls as its membrane stiffens."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        gain, stiffness = self.values
-        return pressure * (1.0 + gain / (1.0 + pressure / (stiffness * FULL)))
+Reading = Callable[..., np.ndarray]
+"""From time (n,) [s], pressure (n,) [Pa] and the values of a form to what is shown (n,)."""
 
 
-class PlainGain(OneTransducer):
-    """Chamber A by a factor."""
+def of_chamber_a(reading: Reading) -> type[SensorFault]:
+    """The fault of the transducer of chamber A that shows this."""
 
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        (gain,) = self.values
-        return pressure * (1.0 + gain)
+    class Fault(OneTransducer):
+        def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+            return reading(time, pressure, *self.values)
 
-
-class AgeingGain(OneTransducer):
-    """A gain of chamber A that creeps while the machine is on."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        gain, creep = self.values
-        return pressure * (1.0 + gain * (1.0 + creep * time / 60.0))
+    return Fault
 
 
-class Late(BothTransducers):
-    """Both chambers of a joint held back by the bus, and once more by a share of it."""
+def of_both(reading: Reading) -> type[SensorFault]:
+    """The fault of the transducers of both chambers that show this."""
 
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        delay, share = self.values
-        first = np.interp(time - delay * (1.0 - share), time, pressure)
-        return (first + np.interp(time - delay * (1.0 + share), time, pressure)) / 2.0
+    class Fault(BothTransducers):
+        def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+            return reading(time, pressure, *self.values)
 
-
-class TwoLags(BothTransducers):
-    """Two filters of first order behind one another."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        delay, share = self.values
-        step = float(np.median(np.diff(time)))
-        for part in (share * delay, (1.0 - share) * delay):
-            keep = part / (part + step)
-            pressure = lfilter([1.0 - keep], [1.0, -keep], pressure, zi=[keep * pressure[0]])[0]
-        return pressure
+    return Fault
 
 
-class WanderingDelay(BothTransducers):
-    """A bus whose load swings slowly."""
+def of_encoder(error: Callable[..., np.ndarray]) -> type[SensorFault]:
+    """The fault of an encoder with this error, by position and the values of a form."""
 
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        delay, swing = self.values
-        return np.interp(time - delay * (1.0 + swing * np.sin(0.3 * time)), time, pressure)
+    class Fault(EncoderFault):
+        def error(self, q: np.ndarray) -> np.ndarray:
+            return error(q, *self.values)
 
-
-class Mounted(EncoderFault):
-    """An encoder that shows more than the joint has turned, by the same everywhere or nearly."""
-
-    def error(self, q: np.ndarray) -> np.ndarray:
-        (offset,) = self.values
-        return np.full_like(q, offset)
+    return Fault
 
 
-class OnAUniversalJoint(Mounted):
-    """Behind a bent universal joint: twice a turn it runs ahead."""
-
-    def error(self, q: np.ndarray) -> np.ndarray:
-        offset, share, phase = self.values
-        return offset * (1.0 + share * np.sin(2.0 * q + phase))
+def _two_delays(time: np.ndarray, pressure: np.ndarray, delay: float, share: float) -> np.ndarray:
+    """Held back by the bus, and once more by a share of it."""
+    first = np.interp(time - delay * (1.0 - share), time, pressure)
+    return (first + np.interp(time - delay * (1.0 + share), time, pressure)) / 2.0
 
 
-class OnABelt(Mounted):
-    """By a belt that jumped a tooth and stretches towards one end."""
-
-    def error(self, q: np.ndarray) -> np.ndarray:
-        offset, share = self.values
-        return offset * (1.0 + share * q * np.abs(q))
-
-
-class BentLine(OneTransducer):
-    """A characteristic of chamber A that is bent between its ends: by the sine, or its square."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        bow, exponent = self.values
-        place = np.clip(pressure / FULL, 0.0, 1.0)
-        return pressure + bow * np.sin(np.pi * place**exponent)
-
-
-class Steps(OneTransducer):
-    """A converter of which one bit is wrong: the reading climbs in rounded steps."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        bow, every = self.values
-        return pressure + bow * np.tanh(3.0 * np.sin(2.0 * np.pi * pressure / every))
-
-
-class Saturating(OneTransducer):
-    """A reading that falls behind as the pressure rises."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        bow, knee = self.values
-        return pressure - bow * (np.maximum(pressure, 0.0) / (2.0 * knee)) ** 3
+def _lagging(time: np.ndarray, pressure: np.ndarray, lag: float) -> np.ndarray:
+    """Behind a filter of first order."""
+    step = float(np.median(np.diff(time)))
+    keep = lag / (lag + step)
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], pressure, zi=[keep * pressure[0]])[0])
 
 
 class Neighbour(SensorFault):
@@ -136,11 +81,8 @@ class NeighbourChanges(Neighbour):
     """By the capacity between two cables: changes alone."""
 
     def heard(self, time: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        step = float(np.median(np.diff(time)))
-        keep = self.values[1] / (self.values[1] + step)
         signal = b[:, self.other]
-        slow = lfilter([1.0 - keep], [1.0, -keep], signal, zi=[keep * signal[0]])[0]
-        return signal - slow
+        return signal - _lagging(time, signal, self.values[1])
 
 
 class NeighbourDifference(Neighbour):
@@ -150,82 +92,81 @@ class NeighbourDifference(Neighbour):
         return a[:, self.other] - b[:, self.other]
 
 
+_OFFSET = Magnitude("offset", "Pa", 5e4, 3e6)
 _GAIN = Magnitude("gain", "1", 0.02, 0.8)
 _DELAY = Magnitude("delay", "s", 0.01, 0.2)
 _TURNED = Magnitude("offset", "{coordinate}", 0.01, 0.2)
 _BOW = Magnitude("bow", "Pa", 5e4, 3e6)
 _PICKED_UP = Magnitude("share", "1", 0.02, 0.5)
-
+ZERO_FORMS = (
+    Form("pressure_offset", "lasting", of_chamber_a(lambda time, p, offset: p + offset),
+         _OFFSET, signed=True),
+    # less the higher the pressure, as of a membrane that was overloaded
+    Form("pressure_offset", "fading",
+         of_chamber_a(lambda time, p, offset, end: p + offset * (1.0 - p / end)),
+         _OFFSET, (Draw("range_end", "Pa", 6e7, 2e8),), signed=True),
+    Form("pressure_offset", "wandering",
+         of_chamber_a(lambda time, p, offset, swing, period:
+                      p + offset * (1.0 + swing * np.sin(2.0 * np.pi * time / period))),
+         _OFFSET, (Draw("swing", "1", 0.02, 0.1), Draw("period", "s", 60.0, 300.0)), signed=True),
+)  # fmt: skip
 READING_FORMS = (
-    Form("chamber_gain", "plain", PlainGain, _GAIN, signed=True),
-    Form("chamber_gain", "soft_membrane", SoftMembrane, _GAIN,
-         (Draw("stiffness", "1", 1.0, 4.0),), signed=True),
-    Form("chamber_gain", "ageing", AgeingGain, _GAIN,
-         (Draw("creep", "1/min", -0.1, 0.1),), signed=True),
-    Form("time_skew", "two_delays", Late, _DELAY, (Draw("share", "1", 0.0, 0.5),)),
-    Form("time_skew", "two_lags", TwoLags, _DELAY, (Draw("share", "1", 0.2, 0.8),)),
-    Form("time_skew", "wandering", WanderingDelay, _DELAY, (Draw("swing", "1", 0.0, 0.3),)),
-    Form("encoder_offset", "mounted", Mounted, _TURNED, (), Where.TURNING, signed=True),
-    Form("encoder_offset", "universal_joint", OnAUniversalJoint, _TURNED,
-         (Draw("share", "1", 0.0, 0.15), Draw("phase", "rad", 0.0, 6.28)), Where.TURNING,
+    Form("chamber_gain", "plain", of_chamber_a(lambda time, p, gain: p * (1.0 + gain)),
+         _GAIN, signed=True),
+    # falls as the membrane stiffens
+    Form("chamber_gain", "soft_membrane",
+         of_chamber_a(lambda time, p, gain, stiffness:
+                      p * (1.0 + gain / (1.0 + p / (stiffness * FULL)))),
+         _GAIN, (Draw("stiffness", "1", 1.0, 4.0),), signed=True),
+    # creeps while the machine is on
+    Form("chamber_gain", "ageing",
+         of_chamber_a(lambda time, p, gain, creep: p * (1.0 + gain * (1.0 + creep * time / 60.0))),
+         _GAIN, (Draw("creep", "1/min", -0.1, 0.1),), signed=True),
+    Form("time_skew", "two_delays", of_both(_two_delays), _DELAY, (Draw("share", "1", 0.0, 0.5),)),
+    Form("time_skew", "two_lags",
+         of_both(lambda time, p, delay, share:
+                 _lagging(time, _lagging(time, p, share * delay), (1.0 - share) * delay)),
+         _DELAY, (Draw("share", "1", 0.2, 0.8),)),
+    # a bus whose load swings slowly
+    Form("time_skew", "wandering",
+         of_both(lambda time, p, delay, swing:
+                 np.interp(time - delay * (1.0 + swing * np.sin(0.3 * time)), time, p)),
+         _DELAY, (Draw("swing", "1", 0.0, 0.3),)),
+    Form("encoder_offset", "mounted", of_encoder(lambda q, offset: np.full_like(q, offset)),
+         _TURNED, (), Where.TURNING, signed=True),
+    # behind a bent universal joint: twice a turn it runs ahead
+    Form("encoder_offset", "universal_joint",
+         of_encoder(lambda q, offset, share, phase:
+                    offset * (1.0 + share * np.sin(2.0 * q + phase))),
+         _TURNED, (Draw("share", "1", 0.0, 0.15), Draw("phase", "rad", 0.0, 6.28)), Where.TURNING,
          signed=True),
-    Form("encoder_offset", "belt", OnABelt, _TURNED, (Draw("share", "1", -0.05, 0.05),),
-         Where.TURNING, signed=True),
-    Form("transducer_bow", "bent", BentLine, _BOW, (Draw("exponent", "1", 0.6, 1.6),),
-         outside=True, signed=True),
-    Form("transducer_bow", "steps", Steps, _BOW, (Draw("every", "Pa", 1e6, 3e6),), outside=True),
-    Form("transducer_bow", "saturating", Saturating, _BOW, (Draw("knee", "Pa", 4e6, 8e6),),
-         outside=True),
+    # by a belt that jumped a tooth and stretches towards one end
+    Form("encoder_offset", "belt",
+         of_encoder(lambda q, offset, share: offset * (1.0 + share * q * np.abs(q))),
+         _TURNED, (Draw("share", "1", -0.05, 0.05),), Where.TURNING, signed=True),
+    # bent between the ends: by the sine, or its square
+    Form("transducer_bow", "bent",
+         of_chamber_a(lambda time, p, bow, exponent:
+                      p + bow * np.sin(np.pi * np.clip(p / FULL, 0.0, 1.0) ** exponent)),
+         _BOW, (Draw("exponent", "1", 0.6, 1.6),), outside=True, signed=True),
+    # a converter of which one bit is wrong: the reading climbs in rounded steps
+    Form("transducer_bow", "steps",
+         of_chamber_a(lambda time, p, bow, every:
+                      p + bow * np.tanh(3.0 * np.sin(2.0 * np.pi * p / every))),
+         _BOW, (Draw("every", "Pa", 1e6, 3e6),), outside=True),
+    # falls behind as the pressure rises
+    Form("transducer_bow", "saturating",
+         of_chamber_a(lambda time, p, bow, knee:
+                      p - bow * (np.maximum(p, 0.0) / (2.0 * knee)) ** 3),
+         _BOW, (Draw("knee", "Pa", 4e6, 8e6),), outside=True),
     Form("crosstalk", "before", Neighbour, _PICKED_UP, outside=True, signed=True),
     Form("crosstalk", "changes", NeighbourChanges, _PICKED_UP, (Draw("over", "s", 0.3, 2.0),),
          outside=True, signed=True),
     Form("crosstalk", "difference", NeighbourDifference, _PICKED_UP, outside=True, signed=True),
 )  # fmt: skip
 
-
-# Zeros of pressure transducers that were lost, in three ways of the other make.
-
-
-class LastingZero(OneTransducer):
-    """A zero that stays where it went."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        (offset,) = self.values
-        return pressure + offset
-
-
-class FadingZero(OneTransducer):
-    """An offset that is less the higher the pressure, as of a membrane that was overloaded."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """None at a pressure beyond the range."""
-        offset, range_end = self.values
-        return pressure + offset * (1.0 - pressure / range_end)
-
-
-class WanderingZero(OneTransducer):
-    """A zero that swings slowly about where it went."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        offset, swing, period = self.values
-        return pressure + offset * (1.0 + swing * np.sin(2.0 * np.pi * time / period))
-
-
-_OFFSET = Magnitude("offset", "Pa", 5e4, 3e6)
-
-ZERO_FORMS = (
-    Form("pressure_offset", "lasting", LastingZero, _OFFSET, signed=True),
-    Form("pressure_offset", "fading", FadingZero, _OFFSET,
-         (Draw("range_end", "Pa", 6e7, 2e8),), signed=True),
-    Form("pressure_offset", "wandering", WanderingZero, _OFFSET,
-         (Draw("swing", "1", 0.02, 0.1), Draw("period", "s", 60.0, 300.0)), signed=True),
-)  # fmt: skip
-
-
 # All laws of all effects that a machine of the other make can hide: three of each effect.
-
 _ALL = (*FRICTION_FORMS, *FORCE_FORMS, *ZERO_FORMS, *READING_FORMS)
-
 FAMILIES: dict[str, tuple[Form, ...]] = {
     effect: tuple(forms) for effect, forms in groupby(_ALL, key=lambda form: form.effect)
 }

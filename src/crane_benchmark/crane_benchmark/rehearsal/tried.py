@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_driver.safety.commands import LIMIT_MARGIN, SafetySettings
+from crane_driver import constants
+from crane_driver.safety.commands import SafetySettings
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.hydraulics.simulation import identified
 from crane_model.machine import Machine
@@ -161,7 +162,7 @@ def _stopped(
         direction=direction,
         speed=speed,
         distance=farthest,
-        allowed=braking + speed * safety.reaction_time + LIMIT_MARGIN,
+        allowed=braking + speed * safety.reaction_time + constants.LIMIT_MARGIN,
     )
 
 

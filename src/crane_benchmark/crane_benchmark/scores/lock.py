@@ -11,8 +11,8 @@ from ruamel.yaml import YAML
 from crane_benchmark.answers.answer_cases import AnswerStatistics, CaseAnswer
 from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.folders import ANSWER, Folders, done, read_json, write_json
-from crane_benchmark.scores import figures, locked
-from crane_benchmark.scores.figures import BootstrapAgreement, agreement, together
+from crane_benchmark.scores import locked
+from crane_benchmark.scores.summary import Rate, rate
 from crane_identification.thresholds import Gates, load_thresholds
 from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError, DataError
@@ -39,13 +39,15 @@ would have been an alarm is then known for any threshold.
 """
 FEWEST_CASES_OF_QUANTILE = 30  # cases, below which a quantile this far out is not known
 THRESHOLD_DIGITS = 3
+TAIL = 4  # the largest values, one in so many, say how a tail falls off
+LEVEL = 97  # %, of the bootstrap quantile that null cases are compared with
 
 
 class Calibration(ResultFile):
     """Data that thresholds were set by."""
 
-    agreement: BootstrapAgreement
-    """Agreement of the bootstrap."""
+    above: Rate
+    """Share of cases above the quantile of the bootstrap; the share that it leaves, if right."""
     statistics: list[AnswerStatistics]
     """Statistics of the cases."""
 
@@ -69,6 +71,45 @@ GATES = (
     GateStatistic("unexplained_flow", "flow_left", 0.0),
 )
 assert {gate.threshold for gate in GATES} == set(Gates.model_fields)
+
+
+def together(
+    values: np.ndarray, allowed: float, least: Sequence[float] = ()
+) -> tuple[np.ndarray, int]:
+    """Limits (g,) of gates with these `values` (n, g) in n null cases, of which the share `allowed`
+    may pass any; and how many pass.
+
+    Each gate gets the same part of the alarms, by the fall of its tail, and none becomes lower than
+    its `least`. If too many pass, all are raised together, one value at a time, with a margin of
+    half a step.
+    """
+    ordered = np.sort(values, axis=0)
+    count, gates = values.shape
+    floors = np.maximum(tails(ordered, allowed / gates), least if len(least) else 0.0)
+    for rank in range(count):
+        above = ordered[min(rank + 1, count - 1)]
+        limits = np.maximum((ordered[rank] + above) / 2.0, floors)
+        alarms = int((values > limits).any(axis=1).sum())
+        if alarms <= allowed * count:
+            break
+    return limits, alarms
+
+
+def tails(ordered: np.ndarray, share: float) -> np.ndarray:
+    """(g,) what this `share` of cases is above, by exponential tails of sorted values (n, g).
+
+    60 cases hold no 0.6 % quantile; the median step of the largest quarter, which one odd case does
+    not move, tells where it lies. Zero for gates that most cases do not even reach.
+    """
+    count = max(len(ordered) // TAIL, 1)
+    start = ordered[-count - 1]
+    fall = np.median(ordered[-count:] - start, axis=0) / np.log(2.0)
+    return np.where(fall > 0.0, start + fall * np.log(count / (share * len(ordered))), 0.0)
+
+
+def above_promised(known: Sequence[AnswerStatistics]) -> Rate:
+    """How many null cases score above the quantile that the bootstrap promises."""
+    return rate([row.best > row.promised[LEVEL] for row in known])
 
 
 def write_open(folder: Path) -> Path:
@@ -106,22 +147,16 @@ def calibrated(folders: Folders) -> dict[str, Any]:
     least = [now[gate.threshold] if gate.least is None else gate.least for gate in GATES]
     limits, alarms = together(values, allowed, least)
     rounded = (float(f"{limit:.{THRESHOLD_DIGITS}g}") for limit in limits)
-    agrees = agreement(known)
-    figures.write_agreement(folders.scores, agrees)
-    Calibration(agreement=agrees, statistics=known).write(folders.scores / "calibration.json")
+    above = above_promised(known)
+    Calibration(above=above, statistics=known).write(folders.scores / "calibration.json")
     return {
         "cases": len(known),
         "allowed": allowed,
         "alarms": alarms,
         "largest": dict(zip((g.threshold for g in GATES), values.max(axis=0), strict=True)),
         "thresholds": dict(zip((g.threshold for g in GATES), rounded, strict=True)),
-        "bootstrap": {"level": agrees.level, "above": agrees.above.plain()},
+        "bootstrap": {"level": LEVEL / 100.0, "above": above.plain()},
     }
-
-
-def write_gates(path: Path, found: Mapping[str, Any]) -> None:
-    """The packaged file with the gates that were `found`, for answers without the package."""
-    with_values(path, {"gates": found["thresholds"]})
 
 
 def lock(folders: Folders, which: CaseSet) -> dict[str, Any]:

@@ -1,30 +1,20 @@
 """The rates of the benchmark for the manual: those of `diagnose` with their 95 % intervals."""
 
-import argparse
-import re
-import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from rich.table import Table
-
-from crane_benchmark import measured
 from crane_benchmark.cases.case import Simulator
 from crane_benchmark.cases.case_sets import CaseSet
-from crane_benchmark.measured import RESULT_COLUMNS, MeasuredFigures, MeasuredRow, tell
+from crane_benchmark.measured import MeasuredRow, tell
 from crane_benchmark.scores.judgement import OURS, laws
 from crane_benchmark.scores.summary import BenchmarkSummary, Interval, Median, MethodRates, Rate
-from crane_identification.report.terminal import plain_table
-from crane_model import cli
-from crane_model.errors import ConfigurationError, DataError
 
 PERCENT_FORMAT = "{:.0%}"
 OF_ALL = "{:.1%}"  # of all answers: one in 200 is not none
 SCORING_COMMAND = "make discrepancy-benchmark"  # of the scoring set
 OF_A_SET = "ros2 run crane_benchmark discrepancy --set {} --cases {}"
 NO_CASE = "–"
-VALUE = re.compile(r"\{(\w+)")  # of a cell, where it is to stand
 
 
 class TableLine(NamedTuple):
@@ -71,54 +61,13 @@ TARGETS = {
 """Keys of the summary of a method."""
 
 
-def tables(summary: BenchmarkSummary, simulator: Simulator = Simulator.PRIMARY) -> list[Table]:
-    """Rates of all methods, the power curve, and what only a diagnosis gives."""
-    methods = summary.methods
-    first = plain_table(
-        f"{simulator.value}, {summary.cases} cases: share [95 % interval] of answers"
-    )
-    power = plain_table(
-        "Correct effect and joint of single, identifiable effects, by relative magnitude"
-    )
-    first.add_column("", no_wrap=True)
-    first.add_column("aim", justify="right")
-    power.add_column("relative magnitude")
-    for name in methods:
-        first.add_column(name, justify="right")
-        power.add_column(name, justify="right")
-    for key, line in TARGETS.items():
-        first.add_row(
-            line.words,
-            line.aim(simulator),
-            *(_rate(getattr(method, key), line.shown) for method in methods.values()),
-        )
-    power.add_column("flexible learner:\ncertain of some form", justify="right")
-    for magnitude in methods[OURS].power:
-        curves = [*(method.power for method in methods.values()), summary.learner.power]
-        power.add_row(
-            f"{magnitude:.1%}",
-            *(_rate(curve[magnitude], PERCENT_FORMAT) for curve in curves),
-        )
-    last = plain_table("Named effects: median [95 % interval]")
-    for heading in ("", "aim", "median", "cases"):
-        last.add_column(heading)
-    for key, line in MEDIANS.items():
-        value: Median = getattr(summary, key)
-        middle = _interval(value.median, value.interval, line.shown)
-        last.add_row(line.words, line.aim(simulator), middle, str(value.of))
-    return [first, power, last, *_stories(summary.stories)]
-
-
-def _stories(stories: dict[str, dict[str, int]]) -> list[Table]:
-    if not stories:
-        return []
-    table = plain_table("Outcomes of diagnose on blind cases")
-    for heading in ("story", "cases", "outcomes"):
-        table.add_column(heading)
-    for story, outcomes in stories.items():
-        said = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
-        table.add_row(story, str(sum(outcomes.values())), said)
-    return [table]
+def tell_rates(path: Path, which: CaseSet, simulator: Simulator, summary: BenchmarkSummary) -> None:
+    """Print the rates of a set at a simulator, and write them to `path`."""
+    scoring = which is CaseSet.SCORING
+    command = SCORING_COMMAND if scoring else OF_A_SET.format(which.value, summary.cases)
+    baselines = [name for name in summary.methods if name != OURS]
+    columns = (f"{simulator.value}, {summary.cases} cases", "target", OURS, *baselines)
+    tell(list(rows(summary, simulator)), columns, command, path, ())
 
 
 def notes() -> list[str]:
@@ -129,34 +78,6 @@ def notes() -> list[str]:
         "An ambiguity group is correct if each member explains the injected force as well as its",
         "own form; if the data are too few, it is correct if it contains the injected effect.",
     ]
-
-
-def _rate(value: Rate, shown: str) -> str:
-    return f"{_interval(value.rate, value.interval, shown)} of {value.of}" if value.of else "-"
-
-
-def _interval(value: float | None, interval: Interval | None, shown: str) -> str:
-    if value is None:
-        return "-"
-    middle = shown.format(value)
-    if interval is None:
-        return middle
-    low, high = (shown.format(end) for end in interval)
-    return f"{middle} [{low}, {high}]"
-
-
-def write(
-    path: Path,
-    summary: BenchmarkSummary,
-    which: CaseSet = CaseSet.SCORING,
-    simulator: Simulator = Simulator.PRIMARY,
-) -> None:
-    """Write the figures of a set at a simulator to `path`, by the summary of its results there."""
-    scoring = which is CaseSet.SCORING
-    command = SCORING_COMMAND if scoring else OF_A_SET.format(which.value, summary.cases)
-    baselines = [name for name in summary.methods if name != OURS]
-    columns = (f"{simulator.value}, {summary.cases} cases", "target", OURS, *baselines)
-    measured.write(path, command, list(rows(summary, simulator)), columns)
 
 
 def rows(summary: BenchmarkSummary, simulator: Simulator) -> Iterator[MeasuredRow]:
@@ -224,71 +145,3 @@ def _interval_format(shown: str, key: str) -> str:
 def _named(shown: str, name: str) -> str:
     """A format of one value, with the name of it."""
     return shown.replace("{:", f"{{{name}:")
-
-
-# Rates of sets of cases side by side, as of both simulators.
-#
-#     python -m crane_benchmark.scores.published \
-#         primary=ROUND/primary/figures.json independent=ROUND/independent/figures.json
-#
-# A set is named as you like; its figures are those that the benchmark leaves beside its results, in
-# the folder of a round.
-
-
-def side_by_side(sets: Mapping[str, MeasuredFigures]) -> list[MeasuredRow]:
-    """Results of `diagnose` in each of the sets, row by row of the first one.
-
-    `DataError` if a set was not scored by the benchmark.
-    """
-    for name, figures in sets.items():
-        if OURS not in figures.columns:
-            raise DataError(
-                f"set '{name}': its figures have the columns {', '.join(figures.columns)}, not "
-                f"{OURS}; give a figures.json that the benchmark has written"
-            )
-    first, *_ = sets.values()
-    by_name = [{row.cells[0]: row for row in figures.rows} for figures in sets.values()]
-    rows = []
-    for what in (row.cells[0] for row in first.rows):
-        cells = [what]
-        values: dict[str, float] = {}
-        for place, (figures, known) in enumerate(zip(sets.values(), by_name, strict=True)):
-            if what not in known:
-                cells += ["", NO_CASE]
-                continue
-            reached = known[what]
-            cells.append(reached.cells[1])
-            cells.append(VALUE.sub(rf"{{of{place}_\1", reached.cells[figures.columns.index(OURS)]))
-            values |= {f"of{place}_{name}": value for name, value in reached.values.items()}
-        rows.append(MeasuredRow(cells=cells, values=values))
-    return rows
-
-
-def given(text: str) -> tuple[str, Path]:
-    """NAME=FILE; `ConfigurationError` for anything else."""
-    name, equals, path = text.partition("=")
-    if not (name and equals and path):
-        raise ConfigurationError(f"'{text}': give each set as NAME=FILE, as primary=figures.json")
-    return name, Path(path)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Print what `diagnose` reached in several sets, each with its intervals."""
-    parser = argparse.ArgumentParser(prog="published", description=main.__doc__)
-    parser.add_argument("sets", nargs="+", metavar="NAME=FILE", help="figures of a set of cases")
-    parser.add_argument("--out", type=Path, help="file for the table (JSON)")
-    arguments = parser.parse_args(argv)
-
-    def body() -> None:
-        sets = {name: MeasuredFigures.read(path) for name, path in map(given, arguments.sets)}
-        command = " ".join(("python -m crane_benchmark.scores.published", *arguments.sets))
-        columns = [RESULT_COLUMNS[0]]
-        for name, figures in sets.items():
-            columns += [f"aim {name}", figures.columns[0]]
-        tell(side_by_side(sets), columns, command, arguments.out, ())
-
-    return cli.run(body)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

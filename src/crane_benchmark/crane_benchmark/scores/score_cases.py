@@ -8,14 +8,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from crane_benchmark.answers.answer_cases import CaseAnswer
 from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.folders import ANSWER, ROW, Folders, done, in_processes, new
-from crane_benchmark.scores import figures, locked, published
+from crane_benchmark.scores import figures, locked
 from crane_benchmark.scores.judgement import OURS, BlindAnswer, Judgement, judge
-from crane_benchmark.scores.published import notes, tables
+from crane_benchmark.scores.published import notes, tell_rates
 from crane_benchmark.scores.summary import (
     BenchmarkResults,
     CaseRow,
@@ -29,7 +28,6 @@ from crane_identification.diagnosis.findings import Findings
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Load
 
-TABLE_WIDTH = 144  # of the tables; narrower, their columns break
 NAMED = (Judgement.RIGHT, Judgement.TOO_WIDE, Judgement.PARTLY)  # where effects are named
 
 
@@ -63,7 +61,6 @@ def score_case(job: ScoringJob) -> None:
         simulator=truth.case.simulator,
         world=truth.case.world,
         off=truth.case.off,
-        story=truth.case.story,
         excitation=truth.case.excitation,
         hidden=[
             ScoredEffect(wanted=effect, reached=s, visibility=v)
@@ -133,16 +130,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     BenchmarkResults(
         thresholds=thresholds, summary=found, simulators=of_simulators, cases=scored
     ).write(folders.results)
-    console = Console(width=TABLE_WIDTH)
     for simulator, rows in simulators.items():
         place = folders.scores / simulator.value if len(simulators) > 1 else folders.scores
         place.mkdir(exist_ok=True)
         figures.write(place, rows)
-        published.write(
-            place / "figures.json", of_simulators[simulator], CaseSet(folders.top.name), simulator
-        )
-        console.print(*tables(of_simulators[simulator], simulator))
-    console.print(*notes(), sep="\n", highlight=False)
+        which, found = CaseSet(folders.top.name), of_simulators[simulator]
+        tell_rates(place / "figures.json", which, simulator, found)
+    print(*notes(), sep="\n")
     print(f"written: {folders.results}, and figures beside it")
     return 0
 

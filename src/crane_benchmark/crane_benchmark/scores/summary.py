@@ -1,13 +1,12 @@
 """results.json: what the rows of all cases say together, with 95 % intervals."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.stats import binomtest, bootstrap
 
 from crane_benchmark.answers.answer_cases import AnswerStatistics
-from crane_benchmark.cases.case import CaseKind, EffectToHide, Simulator, Story, World
+from crane_benchmark.cases.case import CaseKind, EffectToHide, Simulator, World
 from crane_benchmark.cases.case_sets import RELATIVE_MAGNITUDES
 from crane_benchmark.cases.motions import Richness
 from crane_benchmark.scores.judgement import AND_MORE, OURS, BlindAnswer, Judgement
@@ -96,8 +95,6 @@ class CaseRow(ResultFile):
     """Source of the case."""
     off: bool
     """The lengths of the machine differ from its file."""
-    story: Story | None
-    """Story of the case, for strangers."""
     excitation: Richness
     """How well it is excited."""
     hidden: list[ScoredEffect]
@@ -199,8 +196,6 @@ class BenchmarkSummary(ResultPart):
     """Relative, of those that mean the same in the hidden law [-]."""
     seconds: Median
     """CPU time of a diagnosis [s]."""
-    stories: dict[str, dict[str, int]]
-    """By what goes on in a case: how often `diagnose` had which outcome [-]."""
     not_identifiable: int
     """Single effects that recordings of their kind do not show [-]."""
 
@@ -236,7 +231,6 @@ def summary(rows: Sequence[CaseRow]) -> BenchmarkSummary:
         learner=learnt(ours),
         parameter_error=median([error for row in ours for error in row.parameter_errors]),
         seconds=median([row.seconds for row in ours if row.seconds]),
-        stories=_told(ours),
         not_identifiable=sum(not identifiable(row) for row in of_kind(rows, CaseKind.SINGLE)),
     )
 
@@ -296,15 +290,6 @@ def share(
 def power(rows: Sequence[CaseRow], method: str) -> Power:
     """Share of right answers to single effects that can be identified."""
     return {s: share(of, method, Judgement.RIGHT) for s, of in by_relative_magnitude(rows).items()}
-
-
-def _told(rows: Sequence[CaseRow]) -> dict[str, dict[str, int]]:
-    """How often which outcome, by the story of the case, where it has one."""
-    outcomes: dict[str, Counter[str]] = {}
-    for row in rows:
-        if row.story is not None:
-            outcomes.setdefault(row.story, Counter())[row.outcomes[OURS]] += 1
-    return {story: dict(several.most_common()) for story, several in outcomes.items()}
 
 
 def _of_method(rows: Sequence[CaseRow], method: str) -> MethodRates:

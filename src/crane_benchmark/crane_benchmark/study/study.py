@@ -15,96 +15,21 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
-from crane_benchmark import measured
+from crane_benchmark.measured import RESULT_COLUMNS, tell
 from crane_benchmark.study import figures
 from crane_benchmark.study.figures import Took, following_rows
-from crane_benchmark.study.following import FOLLOWING_STEPS, HYDRAULIC_AIMS, Followed, follow
+from crane_benchmark.study.following import FOLLOWING_STEPS, follow
 from crane_benchmark.study.recordings import Campaign, StudyError, StudyPlan, design, record, run
-from crane_identification.report import terminal
-from crane_identification.report.terminal import estimate, plain_table, rounded
 from crane_model.cli import command_line
 from crane_model.configuration import packaged
 from crane_model.machine_files import machine_file
 
 EMPS = packaged("crane_benchmark", "emps/model.yaml").parent  # model and column map
 STUDY_SEEDS = {"training": 1, "validation": 101}
-STUDY_WIDTH = 110  # characters, where the output is no terminal
-
-
-def parameter_table(summary: dict[str, Any], true_values: dict[str, float]) -> Table:
-    """True value of each parameter, and those by the recursion and the fit to averages."""
-    table = plain_table("Θ: true values of the simulated crane, and identified from its bags")
-    for heading in ("parameter", "unit"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("true value", "recursion ± σ", "off/σ", "fit ± σ", "off/σ"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for fitted, recursive in zip(
-        summary["parameters"], summary["recursive"]["parameters"], strict=True
-    ):
-        true = true_values[fitted["name"]]
-        table.add_row(
-            fitted["name"],
-            fitted["unit"],
-            rounded(true, fitted["std_dev"]),
-            *estimate(recursive["value"], recursive["std_dev"], true),
-            *estimate(fitted["value"], fitted["std_dev"], true),
-        )
-    return table
-
-
-def errors_table(summary: dict[str, Any]) -> Table:
-    """Held-out errors of every joint, by the fit and by the recursion."""
-    table = plain_table("On bags that were not used for fitting: ‖τ-τ̂‖/‖τ‖")
-    table.add_column("joint", no_wrap=True)
-    for heading in (
-        *("fit", "recursion", "noise floor", "fit, τ without gravity"),
-        *("in training", "validation/training"),
-    ):
-        table.add_column(heading, justify="right")
-    for joint, error in summary["heldout_relative_error"].items():
-        trained = summary["training_relative_error"][joint]
-        table.add_row(
-            joint,
-            f"{error:.3%}",
-            f"{summary['recursive']['heldout_relative_error'][joint]:.3%}",
-            f"{summary['noise_floor'][joint]:.3%}",
-            f"{summary['heldout_relative_error_without_gravity'][joint]:.3%}",
-            f"{trained:.3%}",
-            f"{error / trained:.2f}",
-        )
-    return table
-
-
-def hydraulics_table(followed: Followed) -> Table:
-    """How far the hydraulics from one bag behind a bus are off, beside the aims."""
-    table = plain_table("Hydraulics, from a bag of (36) behind a bus: farthest off, of all joints")
-    table.add_column("values", no_wrap=True)
-    for heading in ("error", "its σ", "aim"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for what, aim in HYDRAULIC_AIMS.items():
-        found = followed.farthest_off(aim)
-        table.add_row(what, aim.told(found.error), aim.told(found.std_dev), aim.told(aim.live))
-    return table
-
-
-def controllers_table(followed: Followed) -> Table:
-    """Table of each controller's errors on each trajectory."""
-    joints = followed.joints
-    table = plain_table("True rms error behind the same bus (mrad, mm), by what that bag told")
-    for heading in ("trajectory", "controller"):
-        table.add_column(heading, no_wrap=True)
-    for joint in joints:
-        table.add_column(joint, justify="right")
-    for name, by_law in followed.rms.items():
-        for law, rms in by_law.items():
-            table.add_row(name, law, *(f"{1e3 * rms[joint]:.3g}" for joint in joints))
-    return table
 
 
 @contextmanager
@@ -157,7 +82,6 @@ def study(
         )
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     true = json.loads(reference.read_text(encoding="utf-8"))
-    console.print(parameter_table(summary, true), errors_table(summary))
     with phase(console, took, "hydraulics and controllers", FOLLOWING_STEPS) as progress:
         followed = follow(
             out / "following",
@@ -165,12 +89,11 @@ def study(
             experiment.periods,
             lambda: progress.advance(progress.task_ids[0]),
         )
-    console.print(hydraulics_table(followed), controllers_table(followed))
     found = [
         *figures.rows(summary, true, training.designed, took if fresh else ()),
         *following_rows(followed),
     ]
-    measured.write(out / "figures.json", figures.STUDY_COMMAND, found)
+    tell(found, RESULT_COLUMNS, figures.STUDY_COMMAND, out / "figures.json", ())
     for folder in (out, out / "following" / "identified"):
         console.print(f"Report: {folder}/report.html   Model: {folder}/model.yaml", highlight=False)
     emps(out / "emps", console)
@@ -211,7 +134,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             StudyPlan(arguments.period, arguments.harmonics, arguments.starts, arguments.periods),
             arguments.training,
             arguments.validation,
-            terminal.console(STUDY_WIDTH),
+            Console(),
         )
     except StudyError as error:
         print(f"error: {error}", file=sys.stderr)

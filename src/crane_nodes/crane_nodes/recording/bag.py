@@ -123,7 +123,7 @@ class RecordedTopic:
 
 @dataclass
 class FileSummary:
-    """Content of one storage file."""
+    """Messages of one storage file, or of one topic."""
 
     name: str
     start: int = NEVER_NS  # ns, log time

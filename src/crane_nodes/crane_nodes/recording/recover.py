@@ -6,7 +6,6 @@ import sqlite3
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,6 +26,7 @@ from crane_model.errors import DataError
 from crane_model.progress_bar import progress_bar
 from crane_nodes.recording.bag import (
     Definition,
+    FileSummary,
     RecordedBag,
     RecordedTopic,
     hash_of,
@@ -213,7 +213,8 @@ def recover(damaged: Path, out: Path) -> str:
         DatabaseSalvage(path) if path.suffix == ".db3" else Salvage(path)
         for path in _files(damaged)
     ]
-    saved: dict[RecordedTopic, _Saved] = {}
+    numbers: dict[RecordedTopic, int] = {}
+    saved: dict[RecordedTopic, FileSummary] = {}
     with ExitStack() as stack:
         bar = stack.enter_context(
             progress_bar(f"recovering {damaged.name}", sum(salvage.size for salvage in salvages))
@@ -226,10 +227,10 @@ def recover(damaged: Path, out: Path) -> str:
                 elif count == 0:
                     bag.begin_file()
                 if topic not in saved:
-                    saved[topic] = _Saved(bag.add(topic))
+                    numbers[topic], saved[topic] = bag.add(topic), FileSummary(topic.name)
                 saved[topic].add(message.log_time)
                 bag.write(
-                    saved[topic].number,
+                    numbers[topic],
                     message.log_time,
                     message.data,
                     message.publish_time,
@@ -240,18 +241,6 @@ def recover(damaged: Path, out: Path) -> str:
     if not saved:
         raise DataError(f"{damaged}: holds no whole message ({'; '.join(notes)}); record again")
     return _report(out, saved, notes)
-
-
-@dataclass
-class _Saved:
-    number: int
-    count: int = 0
-    first: int = 2**63 - 1  # ns
-    last: int = 0  # ns
-
-    def add(self, log_time: int) -> None:
-        self.count += 1
-        self.first, self.last = min(self.first, log_time), max(self.last, log_time)
 
 
 def _files(damaged: Path) -> list[Path]:
@@ -267,15 +256,15 @@ def _files(damaged: Path) -> list[Path]:
     )
 
 
-def _report(out: Path, saved: dict[RecordedTopic, _Saved], notes: list[str]) -> str:
-    begin = min(topic_saved.first for topic_saved in saved.values())
+def _report(out: Path, saved: dict[RecordedTopic, FileSummary], notes: list[str]) -> str:
+    begin = min(topic_saved.start for topic_saved in saved.values())
     rows = [
         (
             topic.name,
             topic.msgtype,
             str(topic_saved.count),
-            f"{(topic_saved.first - begin) * 1e-9:.3f}",
-            f"{(topic_saved.last - begin) * 1e-9:.3f}",
+            f"{(topic_saved.start - begin) * 1e-9:.3f}",
+            f"{(topic_saved.end - begin) * 1e-9:.3f}",
         )
         for topic, topic_saved in saved.items()
     ]

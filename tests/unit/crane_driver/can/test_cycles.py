@@ -21,7 +21,8 @@ from unit.crane_driver.can.traffic import (
     readings,
 )
 
-from crane_driver.can.assembly import LEARNING_FRAMES, Assembly
+from crane_driver import constants
+from crane_driver.can.assembly import Assembly
 
 
 @given(st.sampled_from(sorted(BUSES)), st.integers(0, 2**31))
@@ -65,10 +66,10 @@ def test_what_is_not_put_together_is_counted() -> None:
 def test_frames_wait_until_it_is_known_which_belong_together() -> None:
     """None is lost: the sets of the time before come when it is over."""
     assembly = Assembly(CRANE, "positions")
-    frames = BUSES["good"].frames(np.random.default_rng(5), LEARNING_FRAMES + 5)
+    frames = BUSES["good"].frames(np.random.default_rng(5), constants.LEARNING_FRAMES + 5)
     made = [len(assembly.add(readings(one))) for one in frames]
-    assert made.index(LEARNING_FRAMES) == 2 * LEARNING_FRAMES - 1
-    assert sum(made) == LEARNING_FRAMES + 5
+    assert made.index(constants.LEARNING_FRAMES) == 2 * constants.LEARNING_FRAMES - 1
+    assert sum(made) == constants.LEARNING_FRAMES + 5
 
 
 def test_a_message_that_does_not_come_does_not_fill_the_memory() -> None:
@@ -145,7 +146,7 @@ def test_few_frames_tell_no_cycle_time() -> None:
 
 def test_after_a_silence_the_counters_are_learnt_anew() -> None:
     """A restart: the counters begin at other values, and their difference is another."""
-    assembly, cycles = Assembly(CRANE, "positions"), 2 * LEARNING_FRAMES
+    assembly, cycles = Assembly(CRANE, "positions"), 2 * constants.LEARNING_FRAMES
     for begin, ahead in ((0.0, 3), (2.0, 9), (4.0, 0)):
         sets = []
         for cycle in range(cycles):

@@ -108,8 +108,8 @@ def test_the_state_is_active_only_once_a_frame_has_come(
 def test_the_last_frame_of_a_cycle_wakes_the_taker_at_once(
     settings: BusSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("crane_driver.can.link.TRAIN_END_S", PATIENCE)
-    monkeypatch.setattr("crane_driver.can.link.LONGEST_TRAIN_S", 2 * PATIENCE)
+    monkeypatch.setattr("crane_driver.constants.TRAIN_END_S", PATIENCE)
+    monkeypatch.setattr("crane_driver.constants.LONGEST_TRAIN_S", 2 * PATIENCE)
     woken: list[int] = []
     with (
         Link(settings) as sender,

@@ -9,9 +9,8 @@ from pathlib import Path
 import can
 import pytest
 
-from crane_driver import BusSettings, FaultKind, Link
+from crane_driver import BusSettings, FaultKind, Link, constants
 from crane_driver.can import bus as bus_module
-from crane_driver.can import link as link_module
 from crane_driver.can.bus import BusError, BusState, state_of_error_frame
 from crane_driver.can.frame import Frame
 
@@ -70,9 +69,9 @@ class Machine:
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     machine = Machine()
     monkeypatch.setattr(can, "Bus", machine.open)
-    monkeypatch.setattr(link_module, "POLL_PERIOD_S", 0.01)
-    monkeypatch.setattr(link_module, "FIRST_REOPEN_PAUSE_S", 0.02)
-    monkeypatch.setattr(link_module, "LONGEST_REOPEN_PAUSE_S", 0.08)
+    monkeypatch.setattr(constants, "POLL_PERIOD_S", 0.01)
+    monkeypatch.setattr(constants, "FIRST_REOPEN_PAUSE_S", 0.02)
+    monkeypatch.setattr(constants, "LONGEST_REOPEN_PAUSE_S", 0.08)
     return machine
 
 

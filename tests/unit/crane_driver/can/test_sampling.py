@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.can.stream import CLOCK_KNOWN_S, PROMPT_TIMEOUT_S, SamplingClock
+from crane_driver import constants
+from crane_driver.can.stream import SamplingClock
 
 CYCLE = 0.005  # s
 BEGIN = 100.0  # s
@@ -33,7 +34,7 @@ def test_jitter_of_milliseconds_becomes_one_of_microseconds(drift: float) -> Non
     sampled = device(6000, drift)
     received = receptions(sampled, 1)
     assert (received - sampled).std() > 1e-3
-    known = sampled > BEGIN + 2 * CLOCK_KNOWN_S
+    known = sampled > BEGIN + 2 * constants.CLOCK_KNOWN_S
     error = (told(SamplingClock(CYCLE), received) - sampled)[known]
     assert np.abs(error).max() < 2e-4
     assert error.std() < 2e-5
@@ -46,12 +47,12 @@ def test_cycles_that_were_lost_change_nothing() -> None:
     clock = SamplingClock(CYCLE)
     for number in np.flatnonzero(came).tolist():
         at = clock.sampled(number, float(received[number]))
-        if sampled[number] > BEGIN + 2 * CLOCK_KNOWN_S:
+        if sampled[number] > BEGIN + 2 * constants.CLOCK_KNOWN_S:
             assert at == pytest.approx(sampled[number], abs=2e-4)
 
 
 def test_until_it_is_known_receptions_are_passed_on() -> None:
-    received = receptions(device(round(CLOCK_KNOWN_S / CYCLE)), 4)
+    received = receptions(device(round(constants.CLOCK_KNOWN_S / CYCLE)), 4)
     np.testing.assert_array_equal(told(SamplingClock(CYCLE), received), received)
 
 
@@ -61,7 +62,7 @@ def test_a_device_that_was_held_up_is_followed_anew() -> None:
     clock = SamplingClock(CYCLE)
     told(clock, receptions(before, 5))
     late = told(clock, receptions(after, 6), 3000)
-    known = after > after[0] + PROMPT_TIMEOUT_S + 2 * CLOCK_KNOWN_S
+    known = after > after[0] + constants.PROMPT_TIMEOUT_S + 2 * constants.CLOCK_KNOWN_S
     assert np.abs((late - after)[known]).max() < 2e-4
 
 

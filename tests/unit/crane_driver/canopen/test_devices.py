@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from crane_driver import Fault, FaultKind, load_layout
-from crane_driver.can.canopen import START_RETRY_S, Devices, NodeState
+from crane_driver import Fault, FaultKind, constants, load_layout
+from crane_driver.can.canopen import Devices, NodeState
 from crane_driver.can.frame import Frame
 from crane_driver.can.mapping import Device
 from crane_model import ConfigurationError, load_machine
@@ -56,7 +56,9 @@ def test_a_device_that_boots_is_started_and_then_operational() -> None:
 
 def test_starting_is_tried_again_once_a_second() -> None:
     crane = devices()
-    sent = [len(crane.start(0.01 * step)) for step in range(int(3.5 * START_RETRY_S / 0.01))]
+    sent = [
+        len(crane.start(0.01 * step)) for step in range(int(3.5 * constants.START_RETRY_S / 0.01))
+    ]
     assert sum(sent) == 4
     assert max(sent) == 1
 
@@ -76,7 +78,7 @@ def test_a_refused_heartbeat_period_is_told_and_the_device_is_not_started() -> N
     crane.start(0.0)
     crane.observe(Frame(0x585, NO_SUCH_OBJECT))
     assert "heartbeat period refused: Code 0x06020000" in crane.nodes[0].problem
-    assert crane.start(START_RETRY_S) == [PERIOD_100_MS]
+    assert crane.start(constants.START_RETRY_S) == [PERIOD_100_MS]
 
 
 def test_the_answer_to_another_master_changes_nothing() -> None:

@@ -14,9 +14,9 @@ from unit.crane_driver.safety.supervised import (
     Bench,
 )
 
-from crane_driver import Fault, FaultKind, load_safety
-from crane_driver.safety.commands import LIMIT_MARGIN, RefusedError
-from crane_driver.safety.plausibility import CAUTION_SIGMAS, JointEstimate
+from crane_driver import Fault, FaultKind, constants, load_safety
+from crane_driver.safety.commands import RefusedError
+from crane_driver.safety.plausibility import JointEstimate
 from crane_driver.safety.supervisor import SafetyState
 from crane_model import ConfigurationError
 from crane_model.machine_files import machine_file
@@ -134,7 +134,7 @@ def test_degraded_motion_is_slow() -> None:
 
 def test_limits_of_position_are_kept_for_the_worst_that_the_estimate_may_be() -> None:
     limit = MACHINE.limits[SUBSTITUTED].position_max
-    at = limit - LIMIT_MARGIN - CAUTION_SIGMAS * SURE
+    at = limit - constants.LIMIT_MARGIN - constants.CAUTION_SIGMAS * SURE
     assert told(degraded(Bench()), 0.5, {SUBSTITUTED: 1.0}, position=at + 1e-4) == 0.0
     assert told(degraded(Bench()), 0.5, {SUBSTITUTED: 1.0}, position=at - 1e-2) > 0.0
     assert told(degraded(Bench()), 0.5, {SUBSTITUTED: -1.0}, position=at + 1e-4) < 0.0

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from crane_identification import Log, Signal
 from crane_identification.data.bad_samples import usable
-from crane_identification.data.log import Log, Signal
-from crane_model.errors import DataError
+from crane_model import DataError
 
 RATE = 200.0
 COUNT = 1e-4  # rad or m, of the encoders

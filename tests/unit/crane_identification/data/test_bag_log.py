@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 
+from crane_bags import BagWriter, Topic
 from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
     VALVE_OUTPUT,
-    Topic,
 )
-from crane_bags.writer import BagWriter
-from crane_identification.data.recording_log import read_bag
-from crane_model.errors import DataError
+from crane_identification import read_bag
+from crane_model import DataError
 
 START = 1_700_000_000_000_000_000
 STEP = 5_000_000

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy import constants
 
-from crane_identification.data.column_map import UNITS, Column, ColumnMap
+from crane_identification import ColumnMap
+from crane_identification.data.column_map import UNITS, Column
+from crane_model import ConfigurationError
 from crane_model.configuration import load
-from crane_model.errors import ConfigurationError
 
 AXIS = "joints: {axis: {position: {column: x, unit: m}, force: {column: f, unit: N}}}\n"
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
-from crane_identification.data.column_map import ColumnMap
+from crane_identification import ColumnMap
 from crane_identification.data.resample import resample
 from crane_identification.data.table_log import read_table
 from crane_model.configuration import load

@@ -7,7 +7,7 @@ import pytest
 from unit.crane_identification.synthetic import crane_log
 
 from crane_identification.data.sources import refuse_copies, refuse_overlap
-from crane_model.errors import DataError
+from crane_model import DataError
 
 A, B, C = Path("a"), Path("b"), Path("c")
 WHY = "it took part"

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from manual import text
 
-from crane_identification.data.column_map import ColumnMap
+from crane_identification import ColumnMap
 
 TEXT = text("docs/how_to/record.md") + text("docs/reference/column_map.md")
 BLOCKS = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Signal
 from crane_identification.data.resample import (
     SHORTEST_RUN,
     interruptions,
@@ -12,7 +12,7 @@ from crane_identification.data.resample import (
     sampling_rate,
     slowed,
 )
-from crane_model.errors import DataError
+from crane_model import DataError
 
 RATE = 200.0
 

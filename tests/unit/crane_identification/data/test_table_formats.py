@@ -8,11 +8,9 @@ import pytest
 import yaml
 from scipy.io import savemat
 
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.log import Log
-from crane_identification.data.recording_log import read_recording
+from crane_identification import ColumnMap, Log, read_recording
 from crane_identification.data.table_log import read_table
-from crane_model.errors import CraneError
+from crane_model import CraneError
 
 AXIS = "joints: {axis: {position: {column: x, unit: mm}, force: {column: f, unit: N}}}\n"
 PLAIN = "time: {column: t, unit: s}\n" + AXIS

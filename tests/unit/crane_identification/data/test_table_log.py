@@ -5,10 +5,9 @@ import polars as pl
 import pytest
 from scipy.io import savemat
 
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.log import Log
+from crane_identification import ColumnMap, Log
 from crane_identification.data.table_log import read_table
-from crane_model.errors import DataError
+from crane_model import DataError
 
 JOINTS = ("boom", "stick")
 TABLE = {

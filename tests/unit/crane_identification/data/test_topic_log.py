@@ -10,10 +10,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.log import Log
-from crane_identification.data.recording_log import read_recording
-from crane_model.errors import CraneError
+from crane_identification import ColumnMap, Log, read_recording
+from crane_model import CraneError
 
 OWN = "own_msgs/msg/Valve"
 OWN_DEFINITION = "std_msgs/Header header\nfloat32[2] spool\nown_msgs/Sensor[] sensors\n"

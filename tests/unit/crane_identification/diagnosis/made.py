@@ -9,7 +9,7 @@ from crane_identification.diagnosis.evidence import Evidence, Run
 from crane_identification.diagnosis.projection import project, whitened_base, whitener
 from crane_identification.diagnosis.search import Search
 from crane_identification.thresholds import load_thresholds
-from crane_model.model_file import Model
+from crane_model import Model
 from crane_model.terms import REGISTRY, Setting, single_axis
 
 ROWS = 600

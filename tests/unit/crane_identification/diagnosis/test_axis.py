@@ -9,16 +9,14 @@ from integration.browser import installed, opened
 from unit.crane_identification.report.html_reader import Element, read_html
 from unit.crane_identification.synthetic import axis_log
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Options, Signal
 from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.residuals import regions
-from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
-from crane_model.errors import ConfigurationError
-from crane_model.model_file import Model, load_model, save_model
+from crane_model import ConfigurationError, Model, load_model, save_model
 
 FULL = ("inertia", "viscous", "coulomb", "offset")
 SEEDS = range(4)

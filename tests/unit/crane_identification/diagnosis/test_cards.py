@@ -6,8 +6,8 @@ import pytest
 from crane_identification.diagnosis.evidence import counted
 from crane_identification.diagnosis.page import folds, span
 from crane_identification.diagnosis.residuals import feature_unit, unit_of
+from crane_model import load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 
 FIVE_GOOD = np.array([310.0, 290.0, 305.0, 280.0, 315.0, -1.5e10])
 BAGS = tuple(f"bag_{i}" for i in range(6))

@@ -9,7 +9,7 @@ from unit.crane_identification.diagnosis.test_axis import FULL, model
 from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import AXIS_THETA, axis_log, crane_model
 
-from crane_identification.data.log import Log
+from crane_identification import Log, Options, fit
 from crane_identification.diagnosis import page, words
 from crane_identification.diagnosis.candidates import candidates_of, changes_of
 from crane_identification.diagnosis.decision import decide
@@ -21,13 +21,10 @@ from crane_identification.diagnosis.projection import whitened_base, whitener
 from crane_identification.diagnosis.proof import extended
 from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.selection import ForwardSelection
-from crane_identification.fitting import fit
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
-from crane_model.errors import ConfigurationError
-from crane_model.model_file import Model, load_model, save_model
+from crane_model import ConfigurationError, Model, load_model, save_model
 from crane_model.terms.gravity_and_load import Payload
 from crane_model.terms.term import Load
 

@@ -8,17 +8,16 @@ import pytest
 from known_crane import TOLD_LATE, known_model
 from unit.crane_identification.hydraulics.valve_experiments import MACHINE, play, recorded
 
-from crane_identification.data.log import Log
+from crane_identification import Log, Options
 from crane_identification.diagnosis.fit import Fitted, fitted
 from crane_identification.diagnosis.flow import examine, load_usual
 from crane_identification.diagnosis.gap import Commanded, commanded
-from crane_identification.options import Options
 from crane_identification.report.figures import commanded_figures
 from crane_identification.thresholds import load_thresholds
+from crane_model import Model
 from crane_model.hydraulics import HydraulicValues
-from crane_model.model_file import Model
+from crane_sim import load_simulated_crane
 from crane_sim.effects.form import InjectedForm
-from crane_sim.parts.parameters import load_simulated_crane
 
 HIDDEN = "outer_boom"
 LATER = 3_600_000_000_000  # ns

@@ -7,14 +7,13 @@ import numpy as np
 from unit.crane_identification.diagnosis.test_axis import FULL, model
 from unit.crane_identification.synthetic import axis_log
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Options, Signal
 from crane_identification.diagnosis.candidates import wanted
 from crane_identification.diagnosis.findings import UnknownPlace
 from crane_identification.diagnosis.fit import fitted
 from crane_identification.diagnosis.residuals import unknown_force
 from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.words import unknown as told
-from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 from crane_model.progress_bar import silent
 

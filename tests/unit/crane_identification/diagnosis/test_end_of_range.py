@@ -25,9 +25,7 @@ from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.signals.gated import CYCLES
 from crane_identification.thresholds import load_thresholds
-from crane_model.machine import load_machine
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_model import Model, Record, load_machine
 from crane_model.terms import Setting
 from crane_model.terms.single_axis import EndCushioning, Inertia
 

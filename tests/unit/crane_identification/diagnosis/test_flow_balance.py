@@ -11,6 +11,7 @@ from crane_identification.diagnosis.candidates import Candidate
 from crane_identification.diagnosis.evidence import Evidence, Run
 from crane_identification.diagnosis.flow import Flow, Usual, examine
 from crane_identification.thresholds import load_thresholds
+from crane_model import Record, load_model
 from crane_model.flow import EDGES
 from crane_model.hydraulics import (
     ChamberValues,
@@ -20,8 +21,6 @@ from crane_model.hydraulics import (
     ValveValues,
 )
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
-from crane_model.record import Record
 from crane_model.terms.sensing import EncoderOffset
 
 USUAL = Usual(

@@ -10,12 +10,10 @@ import pytest
 from unit.crane_identification.diagnosis.test_axis import FULL, model
 from unit.crane_identification.synthetic import axis_log
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Options, Signal, fit, validate
 from crane_identification.diagnosis import words
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import FoundFormula, Verdict
-from crane_identification.fitting import fit, validate
-from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 from crane_model.terms import REGISTRY, load_terms
 

@@ -11,12 +11,11 @@ import numpy as np
 from unit.crane_identification.diagnosis.test_axis import FULL, model
 from unit.crane_identification.synthetic import axis_log
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Options, Signal
 from crane_identification.diagnosis import words
 from crane_identification.diagnosis.constants import FORM_ERROR
 from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 
 CASES = 12

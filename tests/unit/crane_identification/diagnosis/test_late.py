@@ -11,12 +11,11 @@ from unit.crane_identification.diagnosis.test_axis import FULL, model
 from unit.crane_identification.diagnosis.test_strange import INNER, OUTER, decided
 from unit.crane_identification.synthetic import axis_log
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Options, Signal
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
-from crane_model.model_file import load_model, save_model
+from crane_model import load_model, save_model
 
 SEEDS = range(5)  # four recordings to train on, one to validate on
 STEP = 0.01  # s between samples

@@ -9,6 +9,7 @@ from unit.crane_identification.diagnosis.test_verdict import AFTER, gap
 from unit.crane_identification.diagnosis.test_verdict import answer as answered
 from unit.crane_identification.synthetic import crane_log, crane_model
 
+from crane_identification import Options
 from crane_identification.diagnosis.answer import with_left
 from crane_identification.diagnosis.candidates import candidates_of
 from crane_identification.diagnosis.evidence import gather
@@ -17,7 +18,6 @@ from crane_identification.diagnosis.judgement import Judged
 from crane_identification.diagnosis.residuals import left_elsewhere
 from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.words import unknown_title
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
 

@@ -13,9 +13,7 @@ from crane_identification.diagnosis.diagnosis import _partly_seen
 from crane_identification.diagnosis.evidence import Evidence, Run
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.visibility import left_out
-from crane_model.errors import DataError
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_model import DataError, Model, Record
 from crane_model.terms import single_axis
 from crane_model.terms.friction import Coulomb, TemperatureViscosity, Viscous
 from crane_model.terms.presliding import Stiction

@@ -8,6 +8,7 @@ import pytest
 from laboratory_crane import with_linkage
 from unit.crane_identification.synthetic import crane_log, crane_model
 
+from crane_identification import Options
 from crane_identification.diagnosis.candidates import candidates_of
 from crane_identification.diagnosis.decision import decide
 from crane_identification.diagnosis.evidence import gather
@@ -18,10 +19,9 @@ from crane_identification.diagnosis.search import (
     search,
 )
 from crane_identification.diagnosis.selection import ForwardSelection
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
-from crane_model.machine import Machine
+from crane_model import Machine
 
 ASKED = ("linkage_scale", "pressure_gain", "boom_flexibility", "load_friction", "encoder_offset")
 SEEDS = range(5)  # of recordings

@@ -11,6 +11,7 @@ from laboratory_crane import with_linkage
 from unit.crane_identification.diagnosis import made as made_up
 from unit.crane_identification.synthetic import crane_log, crane_model
 
+from crane_identification import Options
 from crane_identification.diagnosis.candidates import candidates_of
 from crane_identification.diagnosis.decision import decide, left_by_forms
 from crane_identification.diagnosis.evidence import gather
@@ -21,7 +22,6 @@ from crane_identification.diagnosis.proof import Value, differs
 from crane_identification.diagnosis.search import Search, search
 from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.diagnosis.several import smallest
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
 

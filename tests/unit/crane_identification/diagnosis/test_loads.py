@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit.crane_identification.synthetic import crane_log, crane_model
 
+from crane_identification import Options
 from crane_identification.diagnosis.candidates import (
     agreeing,
     candidates_of,
@@ -19,11 +20,10 @@ from crane_identification.diagnosis.evidence import Evidence, gather
 from crane_identification.diagnosis.fit import refit
 from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.selection import ForwardSelection
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_identification.thresholds import load_thresholds
-from crane_model.model_file import Model
+from crane_model import Model
 from crane_model.terms.gravity_and_load import Payload
 from crane_model.terms.term import Load
 

@@ -6,9 +6,8 @@ import pytest
 from crane_identification.diagnosis.evidence import Evidence, Run
 from crane_identification.diagnosis.gap import scatter_of_periods, scatter_of_samples
 from crane_identification.preparation.run import Preparation
+from crane_model import Record, load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
-from crane_model.record import Record
 
 TIME = np.arange(0.0, 120.0, 0.005)
 MOTION = 0.4 * np.sin(4.0 * np.pi * TIME)  # 2 Hz, as fast as a crane moves

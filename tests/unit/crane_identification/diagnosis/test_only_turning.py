@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from unit.crane_identification.synthetic import crane_log, crane_model
 
+from crane_identification import Options
 from crane_identification.diagnosis.candidates import Candidate
 from crane_identification.diagnosis.evidence import Evidence, gather
 from crane_identification.diagnosis.search import Shapes
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_model.terms import REGISTRY
 from crane_model.terms.nonparametric import NONPARAMETRIC_TERMS

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from unit.crane_identification.synthetic import AXIS_THETA, axis_log, axis_model
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Options, Signal
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Verdict
-from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
-from crane_model.model_file import Model
+from crane_model import Model
 from crane_model.terms import REGISTRY
 
 STARTS = (0.0, 40.0, 150.0, 300.0, 420.0, 560.0)  # s, of recordings of 24 s

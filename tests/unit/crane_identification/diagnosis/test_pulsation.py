@@ -13,8 +13,7 @@ from crane_identification.diagnosis.gap import (
     pulsations,
 )
 from crane_identification.thresholds import load_thresholds
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
+from crane_model import Model, Record, load_model
 
 RATE, LONG = 200.0, 60.0  # Hz, s
 LINE, DRIVEN = 3.263, 1.61  # Hz

@@ -22,8 +22,7 @@ from crane_identification.diagnosis.projection import solve
 from crane_identification.diagnosis.proof import shape_std_devs
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.selection import ForwardSelection
-from crane_model.model_file import Model
-from crane_model.record import Record
+from crane_model import Model, Record
 from crane_model.terms import REGISTRY
 from crane_model.terms.friction import Stribeck, Viscous
 

@@ -7,7 +7,7 @@ from scipy import signal
 from crane_identification.diagnosis.evidence import Run
 from crane_identification.signals.decimate import PASS_BAND_SHARE, decimation_rows
 from crane_identification.signals.gated import thinned
-from crane_model.record import Record
+from crane_model import Record
 
 CYCLES, STOP_BAND = 12, 6.0  # rows that the response is long, and the shape of its window
 

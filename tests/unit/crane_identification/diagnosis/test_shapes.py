@@ -15,7 +15,7 @@ from unit.crane_identification.diagnosis.test_axis import FULL, model
 from unit.crane_identification.report.html_reader import read_html
 from unit.crane_identification.synthetic import axis_log
 
-from crane_identification.data.log import Log, Signal
+from crane_identification import Log, Options, Signal
 from crane_identification.diagnosis import page, signatures, words
 from crane_identification.diagnosis.candidates import candidates_of
 from crane_identification.diagnosis.decision import decide
@@ -23,10 +23,9 @@ from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import Verdict
 from crane_identification.diagnosis.search import Shapes
 from crane_identification.diagnosis.selection import ForwardSelection
-from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
-from crane_model.model_file import load_model, save_model
+from crane_model import load_model, save_model
 
 FORCE = 3.0  # N rms of what is added
 SEEDS = range(5)  # four recordings to train on, one to validate on

@@ -12,6 +12,7 @@ from unit.crane_identification.diagnosis import made
 from unit.crane_identification.diagnosis.test_lengths import with_link
 from unit.crane_identification.synthetic import crane_log, crane_model
 
+from crane_identification import Options
 from crane_identification.diagnosis.candidates import Candidate, candidates_of
 from crane_identification.diagnosis.decision import Decision, decide
 from crane_identification.diagnosis.evidence import gather
@@ -29,10 +30,9 @@ from crane_identification.diagnosis.search import (
 )
 from crane_identification.diagnosis.selection import ForwardSelection
 from crane_identification.diagnosis.several import factors
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
-from crane_model.machine import Machine
+from crane_model import Machine
 from crane_model.terms import REGISTRY
 
 THRESHOLDS = load_thresholds()

@@ -10,8 +10,7 @@ from crane_identification.diagnosis.constants import VISIBLE_SHARE
 from crane_identification.diagnosis.evidence import Evidence, Run
 from crane_identification.diagnosis.projection import project, whitened_base, whitener
 from crane_identification.diagnosis.visibility import visible
-from crane_model.model_file import Model, load_model
-from crane_model.record import Record
+from crane_model import Model, Record, load_model
 from crane_model.terms import REGISTRY
 from crane_model.terms.force_scale import PressureGain
 from crane_model.terms.friction import QuadraticViscous

@@ -8,15 +8,12 @@ import pytest
 from unit.crane_identification.diagnosis.made import MODEL, evidence, normal
 from unit.crane_identification.synthetic import crane_log, crane_model
 
+from crane_identification import Options
 from crane_identification.diagnosis.evidence import Evidence, Run, gather
 from crane_identification.diagnosis.residuals import on_rows
-from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model import ConfigurationError, Model, Record, load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model
-from crane_model.record import Record
 from crane_model.terms import Setting
 from crane_model.terms.term import Variable
 

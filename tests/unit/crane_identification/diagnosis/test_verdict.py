@@ -15,8 +15,8 @@ from crane_identification.diagnosis.judgement import Judged, Reason, Rejection
 from crane_identification.diagnosis.proof import Proof, Short, Trial, Value, differs
 from crane_identification.thresholds import load_thresholds
 from crane_identification.validation.motion_validation import MotionValidation
+from crane_model import load_model
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
 from crane_model.terms import REGISTRY
 
 JOINTS = ("inner_boom", "outer_boom", "telescope")

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit.crane_observer.observed import JOINTS, MACHINE, at_work, known, recording
 
-from crane_model import ConfigurationError, load_model
-from crane_model.kinematics import tip_position
+from crane_model import ConfigurationError, load_model, tip_position
 from crane_model.machine_files import machine_file
 from crane_observer import HeardRecording
 from crane_observer.payload.estimator import (

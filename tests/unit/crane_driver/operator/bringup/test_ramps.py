@@ -74,7 +74,7 @@ def test_a_light_joint_is_measured_at_once() -> None:
 
 
 def test_a_joint_that_no_ramp_tells_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("crane_driver.operator.bringup.steps.SLOWEST_RATE_RATIO", 1.0)
+    monkeypatch.setattr("crane_driver.constants.SLOWEST_RATE_RATIO", 1.0)
     with pytest.raises(
         DataError, match="slew: answers .* that determines no dead band; give a smaller"
     ):

@@ -6,13 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.operator.jog.jog_input import (
-    CENTRE_SHARE,
-    JOYSTICK_SILENCE_S,
-    Axis,
-    Demand,
-    Joystick,
-)
+from crane_driver import constants
+from crane_driver.operator.jog.jog_input import Axis, Demand, Joystick
 
 AXES = {"slew": Axis(0, 1), "inner_boom": Axis(2, -1)}
 DEADMAN = 1
@@ -49,16 +44,16 @@ def test_the_button_counts_only_once_the_axes_were_at_their_centres() -> None:
 def test_silence_lets_go_and_the_axes_have_to_be_centred_again() -> None:
     joystick = armed()
     joystick.received([1.0, 0.0, 0.0], PRESSED, 0.05)
-    assert joystick.demand(0.049 + JOYSTICK_SILENCE_S)
-    assert joystick.demand(0.051 + JOYSTICK_SILENCE_S) is None
+    assert joystick.demand(0.049 + constants.JOYSTICK_SILENCE_S)
+    assert joystick.demand(0.051 + constants.JOYSTICK_SILENCE_S) is None
     joystick.received([1.0, 0.0, 0.0], PRESSED, 0.2)
     assert joystick.demand(0.2) is None
 
 
 def test_silence_counts_even_if_nobody_asked_during_it() -> None:
     joystick = armed()
-    joystick.received([1.0, 0.0, 0.0], PRESSED, JOYSTICK_SILENCE_S + 0.01)
-    assert joystick.demand(JOYSTICK_SILENCE_S + 0.01) is None
+    joystick.received([1.0, 0.0, 0.0], PRESSED, constants.JOYSTICK_SILENCE_S + 0.01)
+    assert joystick.demand(constants.JOYSTICK_SILENCE_S + 0.01) is None
 
 
 def test_one_joint_moves_until_its_axis_is_back() -> None:
@@ -68,7 +63,7 @@ def test_one_joint_moves_until_its_axis_is_back() -> None:
     demand = joystick.demand(0.02)
     assert demand
     assert demand.joint == "slew"
-    joystick.received([CENTRE_SHARE, 0.0, -1.0], PRESSED, 0.03)
+    joystick.received([constants.CENTRE_SHARE, 0.0, -1.0], PRESSED, 0.03)
     assert joystick.demand(0.03) == Demand("inner_boom", 1.0)
 
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.operator import LONGEST_PAUSE_S
+from crane_driver import constants
 from crane_driver.operator.jog.jog_input import CommandShape, Demand, JogMotion
 from crane_model import ConfigurationError, load_machine
 
@@ -85,7 +85,7 @@ def test_after_a_pause_everything_begins_at_neutral_again() -> None:
     motion = JogMotion(SHAPE)
     motion.step(None, 0.0)
     assert motion.step(Demand("slew", 1.0), 0.01)["slew"] > 0
-    later = 0.02 + LONGEST_PAUSE_S
+    later = 0.02 + constants.LONGEST_PAUSE_S
     assert not any(motion.step(Demand("slew", 1.0), later).values())
     assert not any(motion.step(Demand("slew", 1.0), later + PERIOD).values())
 
