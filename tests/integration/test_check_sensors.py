@@ -62,7 +62,7 @@ def test_a_tolerance_that_was_learnt_sees_what_a_wide_one_misses(
     good, _ = bags
     learnt, slow = tmp_path / "tolerance.yaml", str(tmp_path / "slow")
     given = ["--trajectory", str(machine_file("excitation_20s.yaml")), "--periods", "2"]
-    small = f"inner_boom.pressure_a.offset=5e4@{AT}"
+    small = f"inner_boom.pressure_a.offset=8e4@{AT}"  # of a minute, little can be learnt
     assert make_bag([*given, "--seed", "9", "--fault", small, "--out", slow]) == 0
     assert check_sensors(["--model", model, "--bag", good, "--learn", str(learnt)]) == 0
     assert set(load(learnt, Tolerance).joints) == set(known().joints)

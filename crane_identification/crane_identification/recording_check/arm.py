@@ -198,14 +198,14 @@ def _left(fit: _Fit, mistakes: Sequence[_Mistake]) -> float:
     return fit.basis(undone).left(sign[fit.joint] * fit.force)
 
 
-def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistake], float]:
-    """The mistakes of all joints that explain the forces best, one after another; what is left.
+def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistake], int, float]:
+    """The mistakes of all joints that explain the forces best, in how many steps; what is left.
 
-    Signs that only explain something together are tried as the signs of the `factors` (j,), whose
-    common one is not known.
+    Signs that only explain something together are tried in one step, as the signs of the `factors`
+    (j,), whose common one is not known.
     """
     joints = fit.model.joints
-    found = [RIGHT] * len(joints)
+    found, steps = [RIGHT] * len(joints), 0
     together = [[MISTAKES[0] if turned else RIGHT for turned in s * factors < 0] for s in (1, -1)]
     while True:
         tried = [
@@ -218,8 +218,8 @@ def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistak
         lefts = [_left(fit, mistakes) for mistakes in tried]
         first = next(k for k, share in enumerate(lefts) if share <= limits.SAME_LEFT * min(lefts))
         if lefts[first] > limits.LEAST_STEP * left:
-            return found, left
-        found, left = tried[first], lefts[first]
+            return found, steps, left
+        found, steps, left = tried[first], steps + 1, lefts[first]
 
 
 def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
@@ -232,9 +232,10 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
     if left < limits.IMPERFECT:
         return
     factors, by_factors = fit.factors(basis)
-    found, without = _mistakes(fit, left, factors) if left > limits.POOR else ([], left)
+    found, steps, without = _mistakes(fit, left, factors) if left > limits.POOR else ([], 0, left)
     evidence = f"the model leaves {left:.0%} of the forces, without that {{:.0%}}"
-    if without < limits.SIMPLER * by_factors and limits.BETTER * without < left:
+    better = limits.BETTER**steps * without < left
+    if steps and better and without < limits.SIMPLER * by_factors:
         for joint, mistake in zip(model.joints, found, strict=True):
             if mistake is not RIGHT:
                 told = evidence.format(without)

@@ -67,7 +67,7 @@ MOVING = 0.03  # of the speed of Table 2; below, friction is anything between it
 FORCE_SETTLING_S = 0.1  # s from standstill, as the fit keeps
 LEAST_MOTION = 5.0  # s of motion of each joint, which four periods of 0.2 Hz and a fit need
 POOR = 0.06  # of the force unexplained, from which on another wiring is tried
-BETTER = 2.5  # times less unexplained, if that was it
+BETTER = 2.5  # times less unexplained with each mistake that is undone, if that was it
 UNEXPLAINED = 0.35  # of the force, which no machine of the kind leaves
 
 # forces of any machine

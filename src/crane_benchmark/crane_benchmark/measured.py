@@ -105,13 +105,14 @@ def tell(
 ) -> None:
     """Print the rows and write them to `out`, if given; `CraneError` names the `misses`."""
     # large, and only here: whoever just writes figures, as the demo, needs neither
+    from rich.markup import escape
     from rich.table import Table
 
     from crane_identification.report import terminal
 
     table = Table(*columns)
     for row in rows:
-        table.add_row(*row.shown)
+        table.add_row(*map(escape, row.shown))  # units in brackets are no styles
     terminal.console(FILE_WIDTH).print(table)
     if out is not None:
         write(out, command, rows, columns)

@@ -253,7 +253,7 @@ def test_a_machine_that_stands_still_is_refused(axis: Model) -> None:
     time = np.arange(0.0, 30.0, 1 / RATE)
     still = Signal(time, np.full((len(time), 1), 0.3), "q")
     log = Log("still", ("axis",), 0, still, force=Signal(time, np.ones((len(time), 1)), "f"))
-    with pytest.raises(DataError, match="no joint moves"):
+    with pytest.raises(DataError, match="no joint .* moves fast enough"):
         fit(axis, [log], Options(average=False))
 
 
@@ -416,7 +416,9 @@ def test_poor_excitation_is_told_from_redundancy(tmp_path: Path) -> None:
     terms = ("type: serial_rigid_body", "type: viscous, joint: arm", "type: coulomb, joint: arm")
     model = turntable(tmp_path, *terms)
     assert redundancies(model) == ()
-    with pytest.raises(DataError, match="these recordings show only combinations .* arm moves at"):
+    with pytest.raises(
+        DataError, match="these recordings show only combinations .* arm does not move"
+    ):
         fit(model, [turntable_log(model, still="arm")], Options(average=False))
 
 
