@@ -16,8 +16,8 @@ from websockets.sync.client import ClientConnection, connect
 
 PANEL = RUN.format(module="crane_driver.operator.panel.panel_node")
 SILENT_AFTER = f"""
-import crane_driver.operator.panel.pages as pages
-pages.PAGE_SILENCE_S = {{seconds}}
+from crane_driver import constants
+constants.PAGE_SILENCE_S = {{seconds}}
 {PANEL}
 """
 # Pages of a busy machine may be held up for seconds: the second is for tests of a page's silence.
