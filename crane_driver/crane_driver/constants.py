@@ -1,4 +1,4 @@
-"""What decides in the driver, its bring-up and its panel: limits, periods and tolerances."""
+"""Limits, periods and tolerances of the driver, its bring-up and its panel."""
 
 # Bus: opening, reading and stamps.
 POLL_PERIOD_S = 0.1  # s, longest wait for a frame before the state of the bus is looked at
@@ -40,7 +40,7 @@ MOST_WAITING_FRAMES = 500  # frames of a message, on average
 SAME_INSTANT_CYCLES = 0.25
 # Cycles, beyond which devices with clocks of their own have drifted by a whole one
 DRIFTED_APART_CYCLES = 0.6
-# Frames in a row whose cycle cannot be told, after which all is learnt anew
+# Frames in a row of unknown cycle, after which all is learned again
 MOST_REFUSED_FRAMES = 10
 LONGEST_WAIT_CYCLES = 20  # cycles for which a frame is waited for
 
@@ -64,7 +64,7 @@ TIMER_EARLY_CYCLES = 0.1  # cycles, by which a timer may come too early
 REPORT_PERIOD_S = 1.0
 
 # Simulated time.
-REMARK_AFTER_S = 5.0  # of real time, for which somebody is waited for without a word
+REMARK_AFTER_S = 5.0  # of real time, after which the log says who is waited for
 TICK_REPEAT_S = 0.1  # of real time, between two messages of /clock while time stands still
 ASK_PERIOD_S = 0.2  # of real time, between two questions who is there
 PACE_CYCLES = 0.9  # cycles, by which a timer may come too early
@@ -96,7 +96,7 @@ MOVEMENT_STEPS = 10.0
 FASTEST_SINKING = 1e-3  # rad/s, m/s: a joint that leaks is slower, one that is moved is faster
 BLOCK_S = 0.5  # s
 FEWEST_READINGS = 10  # readings of a joint at rest
-SMALLEST_MOVEMENTS = 10.0  # movements that surely are none of noise: what a sign is told from
+SMALLEST_MOVEMENTS = 10.0  # movements, far above noise, that determine a sign
 SCALE_TOLERANCE = 0.05  # by which a second known pose may contradict the first
 LARGEST_OFFSET_PA = 1.0e6  # Pa; more is a pressure, or a transducer that is broken
 LARGEST_SPREAD_PA = 5.0e4  # Pa, standard deviation of readings at rest
@@ -129,13 +129,13 @@ LONGEST_SPIN_S = 0.1  # of real time, between two looks at the time
 NEUTRAL_CYCLES = 100  # cycles of neutral commands after a reset, until the driver may be enabled
 
 # Panel.
-OLDEST_READING_S = 0.5  # what is older is not shown as if it were so now
+OLDEST_READING_S = 0.5  # an older reading is not shown as current
 FAULTS_KEPT = 20
 EXPERIMENT_SILENCE_S = 1.0  # feedback comes ten times a second
 LARGEST_MESSAGE_BYTES = 1000  # bytes from a page; they have fifty
 # After a wrong token, for the page that gave it: another page is not held up
 WRONG_TOKEN_WAIT_S = 1.0
-PAGE_SILENCE_S = 1.5  # a page tells of every picture that it has shown; ten of them come a second
+PAGE_SILENCE_S = 1.5  # a page acknowledges each picture, ten a second
 LOOK_PAUSE_S = 0.5  # between two looks, beyond which the panel itself was held up; ten a second
 MOST_PAGES = 16  # open at once: each costs a picture ten times a second
 LONGEST_REASON_CHARACTERS = 150  # characters

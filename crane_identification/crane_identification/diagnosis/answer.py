@@ -174,7 +174,7 @@ def _acting(proof: Proof) -> np.ndarray:
 
 
 def _more(proof: Proof, share: float, forms: Forms) -> list[str]:
-    """Sentences on what is missing beside the effects; small errors count if systematic."""
+    """Sentences on the error that the effects leave; small errors count if systematic."""
     trial, gap, method = proof.trial, proof.gap, proof.gap.method
     gates = trial.thresholds.gates
     told = np.isin(np.arange(len(gap.joints)), list(forms))  # by their forms

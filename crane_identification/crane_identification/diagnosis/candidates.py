@@ -269,7 +269,7 @@ def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
 
 
 def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None) -> Given:
-    """The fields of a term that hold values of the model, as they are beside the term."""
+    """The fields of a term that hold values of the model, with those values."""
     known = [p.name for p in model.parameters]
     places = {
         field: [known.index(name) for name in names]

@@ -1,4 +1,4 @@
-"""Constants that a diagnosis decides by, beside the thresholds of `discrepancy.yaml`.
+"""Constants of the decision; its thresholds are in `discrepancy.yaml`.
 
 Each has its unit [-: none], its meaning, and how it was set. Steps, grids, bounds and accuracies of
 a search, which change no answer, stand where they are used.
@@ -15,8 +15,8 @@ SLIGHT_SHARE = 0.05
 """Below it, a difference is slight: of two masses, as no load is a point; of friction that falls
 with the speed; of a coefficient from one; of an error before and after; of energy. Chosen."""
 VISIBLE_SHARE = 0.02
-"""Share of a column's norm that must be left beside the others for what it stands for to show: for
-an effect to be testable, and for a parameter of the model to be determined. Chosen."""
+"""Share of a column's norm that the other columns must leave for an effect to be testable, or for a
+parameter of the model to be determined. Chosen."""
 HELD_SHARE = 0.2
 """Share of a direction's norm that the other folds must hold to determine its coefficient: the
 noise that the fold is predicted with because of it is then five times that of a row at most."""

@@ -156,7 +156,7 @@ class _Grammar:
                         yield FormulaTerm(variable, about, form, scale, times)
 
     def _products(self, terms: Sequence[FormulaTerm]) -> tuple[np.ndarray, np.ndarray]:
-        """Gram matrix (k, k) beside the base, and products with the residual (k,), if they show."""
+        """Gram matrix (k, k) of what the base leaves of terms, products with the residual (k,)."""
         x, factors = self._x, self._factors
         values = [one.form.values(x[one.variable, one.about], one.scale) for one in terms]
         columns = np.stack(values, axis=1) * np.stack([factors[one.times] for one in terms], axis=1)
@@ -266,7 +266,7 @@ def _tested(
     rows, left, p = where_trained(evidence, held_out), [], len(evidence.model.parameters)
     for added in (np.zeros_like(fit.values), fit.values):
         theta = np.asarray(evidence.model.theta) if evidence.keeps else None
-        if theta is None:  # refitted beside the added force
+        if theta is None:  # refitted with the added force
             forces = evidence.base, evidence.force - columns @ added
             theta = least_squares(*map(search.whitener, forces))[:p]
         force = held_out.base[:, :, :p] @ theta + _columns(held_out, terms, j) @ added

@@ -351,7 +351,7 @@ class Line(NamedTuple):
 
 
 def clearest_lines(model: Model, runs: Sequence[Run], fewest: int) -> tuple[Line, ...]:
-    """The clearest line of each joint beside the `model`; none of too few recordings."""
+    """The clearest line that the `model` leaves on each joint; none of too few recordings."""
     longest = dict[str, Run]()
     for run in runs:
         other = longest.get(run.source)

@@ -136,7 +136,7 @@ def _blocks(block: np.ndarray, count: int) -> Folds:
 def held_out_gains(
     search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Gains in 2 log L on held-out folds by `added` (n, c, k) beside the `rest`, NaN: unknown."""
+    """Gains in 2 log L on held-out folds by `added` (n, c, k) to the `rest`, NaN: unknown."""
     evidence, whitener = search.evidence, search.whitener
     fold, names = asked or folds(evidence)
     label = fold[whitener.row]
@@ -196,7 +196,7 @@ def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
 def predicts(
     search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
 ) -> bool:
-    """Return whether columns beside the `rest` improve the prediction of held-out recordings."""
+    """Return whether columns added to the `rest` predict held-out recordings better."""
     return helps(held_out_gains(search, rest, added, asked)[0], search.thresholds)
 
 

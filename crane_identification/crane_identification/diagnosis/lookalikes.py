@@ -96,11 +96,11 @@ def stands_apart(
     return search.gained(known, own.columns) > least and predicts(search, known, own.columns)
 
 
-# Forces of no effect of the catalogue, beside the effects that were found or in their place.
+# Forces of no effect of the catalogue, added to the effects that were found, or replacing them.
 #
 # What a law leaves because it is not quite the machine's follows no signature well. So a signature
-# of no effect is there if it is most of what is left on a joint, as much beside the laws there as
-# is asked of an effect, and predicts it elsewhere.
+# of no effect is there if it is most of what is left on a joint, adds as much to the laws there as
+# an effect must, and predicts other recordings.
 
 SENSING = "sensing"  # family of terms
 

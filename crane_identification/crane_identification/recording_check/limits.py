@@ -21,7 +21,7 @@ COARSE = 100  # encoder counts of a whole motion, below which velocity is made o
 
 # sampling
 SLOWEST = 40.0  # Hz: a crane swings on its oil at 2 to 3 Hz; its acceleration needs ten samples
-LEAST_RATE = 15.0  # Hz: from it on, what moves slowly is measured well enough to be of use
+LEAST_RATE = 15.0  # Hz, that suffices for slow motion
 HELD = 0.5  # share of the samples in motion that repeat the one before, as nobody's encoder does
 # Encoder counts that must pass between two samples for that to mean something
 REPEATED_COUNTS = 2.0
@@ -54,7 +54,7 @@ ASKED_WAY = 0.01  # rad or m (or per s) of reference or velocity, which an encod
 MOST = (10, 90)  # percentiles of a signal between which its change counts
 
 # clocks
-FEWEST_MESSAGES = 20  # on a topic, below which its clock is not told
+FEWEST_MESSAGES = 20  # on a topic, to judge its clock
 OFFSET = 0.05  # s between two topics; ROS and a recorder need some milliseconds
 DRIFT = 1e-3  # s/s; quartz clocks drift by 1e-4 at most
 LEAST_DRIFT = 0.05  # s over a whole recording
