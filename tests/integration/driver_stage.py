@@ -259,6 +259,11 @@ class Stage:
         _, message, values = self.diagnostics[self._safety]
         return message, values
 
+    @property
+    def _refused(self) -> int:
+        """Commands that the driver has refused, by its last report."""
+        return int(self.safety[1]["commands refused"])
+
     def report(self) -> tuple[str, dict[str, str]]:
         """What a report on safety says that was made after this call."""
         called = self.now
@@ -287,7 +292,8 @@ class Stage:
     def moving(self, commander: Commander, **commands: float) -> Self:
         """Enabled, and the commands at the valves, from where limits may hold them back.
 
-        In real time a pause of the computer may fault the crane meanwhile: it is begun again.
+        In real time a pause of the computer may fault the crane meanwhile, or end the series of
+        commands, so that the driver refuses all but a neutral one: it is begun again.
         """
 
         def heard() -> bool:
@@ -303,11 +309,12 @@ class Stage:
             self.until(heard)
             commander.send(**dict.fromkeys(commands, 0.0))
             self.enabled()
-            since = len(self.valves)
+            since, refused = len(self.valves), self._refused
             commander.send(**commands)
 
             def ended() -> bool:
-                return any(map(arrived, self.valves[since:])) or not self.valves[-1].enabled
+                stopped = not self.valves[-1].enabled or self._refused > refused
+                return any(map(arrived, self.valves[since:])) or stopped
 
             self.until(ended)
             return any(map(arrived, self.valves[since:]))
