@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import left_behind
@@ -26,10 +27,14 @@ def test_processes_of_a_killed_run_end() -> None:
     )
     assert run.stdout is not None
     mark = run.stdout.readline().strip().encode()
-    assert left_behind.alive_with(mark)
+    wait_until(lambda: left_behind.alive_with(mark))  # a process that starts has no mark yet
     run.kill()
     run.communicate()
+    wait_until(lambda: not left_behind.alive_with(mark))
+
+
+def wait_until(condition: Callable[[], object]) -> None:
     until = time.monotonic() + 60.0
-    while left := left_behind.alive_with(mark):
-        assert time.monotonic() < until, left
+    while not condition():
+        assert time.monotonic() < until
         time.sleep(0.1)
