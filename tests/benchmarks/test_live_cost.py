@@ -1,6 +1,6 @@
-"""CPU time of each process of the live loop during an experiment at 200 Hz in real time.
+"""CPU time of each process of the live loop at 200 Hz, and how fast simulated time goes.
 
-The nodes run as in `make demo`: first with the identification node, then with the three observers.
+In real time, the nodes run first with the identification node, then with the three observers.
 An experiment that ends early, as on a busy computer, is measured up to its end. Targets are
 stated where the measured loop takes 28 ms, and scaled to this computer.
 """
@@ -17,6 +17,7 @@ import psutil
 import pytest
 from benchmarks.live_loop import ENCODERS, MARGIN, VALVES, Bus, percentiles, read, ways
 from benchmarks.speed import loop_time, scaled
+from integration.lock_step import Suite
 from integration.processes import (
     CONTROLLER_PRIORITY,
     MACHINE_PRIORITY,
@@ -60,6 +61,8 @@ TARGETS = {  # ms of CPU time a cycle where the measured loop takes 28 ms
     "payload_estimator": 0.6,
     "recorder": 0.4,
 }
+SIMULATED = 5.0  # s of simulated time that are measured
+PACE = 1.0  # of simulated time to real time, at least, where the measured loop takes 28 ms
 P50, P99 = 2.0, 5.0  # ms, encoder frame to valve frame, on every computer
 
 
@@ -219,3 +222,24 @@ def test_an_experiment_leaves_the_cores_to_others(
     assert not found.ended, found.ended
     assert {name: used for name, used in found.used.items() if used > targets[name]} == {}
     assert (p50, p99) <= (P50, P99)
+
+
+def test_simulated_time_goes_as_fast_as_a_crane(
+    ros_domain: int, tmp_path: Path, measured: Callable[..., None]
+) -> None:
+    with Suite(tmp_path / "suite", seed=1) as suite:
+        suite.until(lambda: suite.commanded)
+        begun, since = time.monotonic(), suite.time
+        suite.moved_on(SIMULATED)
+        pace = 1e-9 * (suite.time - since) / (time.monotonic() - begun)
+        suite.completed()
+    target = PACE / scaled(1.0)
+    measured(
+        "experiment on simulated time with identification and recorder: simulated to real time; "
+        "measured loop",
+        f"at least {target:.2f}",
+        "{pace:.2f}; {loop:.1f} ms",
+        pace=pace,
+        loop=1e3 * loop_time(),
+    )
+    assert pace >= target
