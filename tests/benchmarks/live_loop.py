@@ -15,16 +15,17 @@ from typing import NamedTuple, Self
 import numpy as np
 import psutil
 from integration.processes import CONTROLLER_PRIORITY, MACHINE_PRIORITY, free_port, prefer
-from integration.recording_graph import Process
+from integration.recording_graph import Process, graph
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
 from scipy.ndimage import minimum_filter1d
 
 from crane_driver import BusSettings, Link, MachineCodec, load_layout
 from crane_driver.can.frame import Frame
-from crane_interfaces.msg import ValveCommand
+from crane_interfaces.msg import DriverState, ValveCommand
 from crane_model import load_machine
 from crane_model.machine_files import machine_file
+from crane_nodes import DriverClient
 
 HERE = Path(__file__).parent
 FLOOR = 10.0  # s
@@ -240,6 +241,20 @@ class Loop(NamedTuple):
     busy: Cores
     realtime: bool  # of machine and controller
     told: str
+
+
+def reset(domain: int, folder: Path) -> None:
+    """Reset the faults that nodes cause which start at once on a busy computer."""
+    with graph(domain, folder) as watcher:
+        driver = DriverClient(watcher.node)
+
+        def disabled() -> bool:
+            state = driver.state.state
+            if state == DriverState.STATE_FAULT and driver.ready:
+                watcher.wait(driver.reset_fault().done)
+            return state == DriverState.STATE_DISABLED
+
+        watcher.wait(disabled)
 
 
 def measured_loop(

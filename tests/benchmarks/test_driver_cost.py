@@ -47,7 +47,8 @@ class Experiment:
         self.loop = DriverLoop(LAYOUT, MACHINE, safety, DENSITY, START)
         self.machine = MachineCodec(LAYOUT)
         self.spent: defaultdict[str, list[float]] = defaultdict(list)  # s of processor time
-        self._count, self._accepted = 0, {}
+        self._count = 0
+        self._accepted: dict[str, int] = {}
         self._enabled = False
 
     def cycle(self) -> None:
@@ -102,7 +103,7 @@ class Experiment:
         for name, period in self.machine.cycles.items():
             if self._count % round(period / CYCLE) == 0:
                 frame = self.machine.reading_frame(
-                    name, positions, pressures, states, (), self._accepted
+                    name, positions, pressures, states, self._accepted
                 )
                 yield frame._replace(stamp=stamp, steady=came)
 

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from benchmarks.live_loop import reset
 from integration.processes import PATIENCE
 from laboratory_crane import PLANAR_JOINTS
-from live import Onlooker
 from manual import ROOT, text
 
 from crane_trajectory.run_excitation_node import ExcitationResult
@@ -26,8 +26,8 @@ TRIES = 8  # of an experiment, on a computer that is busy
 class Shells:
     """A folder like the clone, and what runs in it."""
 
-    def __init__(self, folder: Path, onlooker: Onlooker):
-        self.folder, self._onlooker = folder, onlooker
+    def __init__(self, folder: Path, domain: int):
+        self.folder, self._domain = folder, domain
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         (folder / "src").symlink_to(ROOT / "src")
 
@@ -57,9 +57,7 @@ class Shells:
     def experiment(self, command: str) -> None:
         """Faults that a busy computer makes are reset, and what they ended is repeated."""
         for number in range(TRIES):
-            deadline = time.monotonic() + PATIENCE
-            while not self._onlooker.ready(["trajectory"]):
-                assert time.monotonic() < deadline, "the driver does not become ready"
+            reset(self._domain, self.folder)
             try:
                 self.foreground(command if number == 0 else f"{command} --replace")
                 return
@@ -75,16 +73,15 @@ class Shells:
 
 @pytest.fixture
 def shells(ros_domain: int, tmp_path: Path) -> Iterator[Shells]:
-    with Onlooker(ros_domain) as onlooker:
-        one = Shells(tmp_path, onlooker)
-        yield one
-        for process in reversed(one.running.values()):
-            os.killpg(process.pid, signal.SIGKILL)
+    started = Shells(tmp_path, ros_domain)
+    yield started
+    for process in reversed(started.running.values()):
+        os.killpg(process.pid, signal.SIGKILL)
 
 
 def commands() -> list[str]:
     """Of the page, one after the other, up to the crane that follows."""
-    steps = text("docs/how_to/follow.md").partition("## Feed the payload")[0]
+    steps = text("docs/how_to/follow.md").partition("## Move the tip")[0]
     page = "\n".join(BLOCK.findall(steps)).replace("\\\n", " ")
     lines = (line.partition("#")[0].strip() for line in page.splitlines())
     return [line for line in lines if line]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import psutil
 import pytest
-from benchmarks.live_loop import ENCODERS, MARGIN, VALVES, Bus, percentiles, read, ways
+from benchmarks.live_loop import ENCODERS, MARGIN, VALVES, Bus, percentiles, read, reset, ways
 from benchmarks.speed import loop_time, scaled
 from integration.lock_step import Suite
 from integration.processes import (
@@ -26,12 +26,10 @@ from integration.processes import (
     free_port,
     prefer,
 )
-from integration.recording_graph import Process, graph
+from integration.recording_graph import Process
 from known_crane import write_known_model
 
-from crane_interfaces.msg import DriverState
 from crane_model.machine_files import machine_file
-from crane_nodes import DriverClient
 
 MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "20"))  # s
 MOVING = 3.0  # s after the first valve command, until the experiment is well under way
@@ -118,22 +116,9 @@ class LiveLoop:
             assert time.monotonic() < deadline, {n: one.output for n, one in self.nodes.items()}
             self.bus.listen(SLICE)
 
-    def _ready_to_enable(self) -> None:
-        """Reset the faults that nodes cause which start at once on a busy computer."""
-        with graph(self._domain, self.folder) as watcher:
-            driver = DriverClient(watcher.node)
-
-            def disabled() -> bool:
-                state = driver.state.state
-                if state == DriverState.STATE_FAULT and driver.ready:
-                    watcher.wait(driver.reset_fault().done)
-                return state == DriverState.STATE_DISABLED
-
-            watcher.wait(disabled)
-
     def measure(self) -> Cost:
         """One experiment, from well under way on, until it ends or `MEASURED` is over."""
-        self._ready_to_enable()
+        reset(self._domain, self.folder)
         self.bus.frames.clear()
         experiment = Process(
             self.folder, "crane_trajectory", "run_excitation", "--enable", "--periods", PERIODS,
