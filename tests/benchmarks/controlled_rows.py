@@ -98,7 +98,7 @@ def controller(law: str, machine: Controlled, known: Known, scale: float = 1.0) 
         known.hydraulics,
         gains,
         joints=known.joints,
-        **OF_THE_MODEL[law],
+        **OF_THE_MODEL[law]._asdict(),
     )
     return led if known.joints == machine.joints else SideBySide(led, rest)
 

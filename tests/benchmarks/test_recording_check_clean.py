@@ -37,6 +37,7 @@ def suspected(seed: int) -> tuple[str, list[str], bool]:
     if seed % 2:
         effects = _hidden(
             rng,
+            machine,
             seed,
             lambda spec: calibrate(
                 spec,
@@ -54,14 +55,14 @@ def suspected(seed: int) -> tuple[str, list[str], bool]:
     return hidden, [str(one) for one in found], any(one.decisive for one in found)
 
 
-def _hidden(rng, seed, effects):
+def _hidden(rng, machine, seed, effects):
     """An effect of the catalogue that this machine and motion can have at that magnitude."""
     forms: list[tuple[Form, str | None]] = [
         (form, joint)
         for forms in FORMS.values()
         for form in forms
         if not form.outside
-        for joint in form.joints or (None,)
+        for joint in form.where.joints(machine) or (None,)
     ]
     for k in rng.permutation(len(forms)):
         form, joint = forms[k]
