@@ -2,13 +2,13 @@
 
 One process makes bags of machines with injected effects. A second process answers from the bags
 alone. A third process opens the ground truth and scores. An interrupted run continues with the
-same code. Bags do not depend on thresholds, so they can be made ahead and kept.
+same code. Bags do not depend on thresholds, so they can be kept.
 """
 
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -110,8 +110,6 @@ class BenchmarkRequest:
     workers: int
     out: Path
     keep_bags: bool
-    bags_only: bool
-    cluster: str | None
     lock: bool
     thresholds: Path | None
 
@@ -120,9 +118,6 @@ def run(request: BenchmarkRequest) -> None:
     """Run all stages, batch by batch; raises `CraneError`."""
     which = request.which
     top = request.out.resolve() / which.value
-    if request.bags_only:
-        through(batches(request, Folders(top), ()), request.cluster)
-        return
     calibrating = which is CaseSet.CALIBRATION or request.lock
     folders = Folders(top, name_of_round(request))
     if which is CaseSet.SCORING and len(done(folders.rows)) >= request.cases:
@@ -137,7 +132,10 @@ def run(request: BenchmarkRequest) -> None:
         answers = crossed(request, top)
     else:
         answers = (Answering(request.thresholds),)
-    through(batches(request, folders, answers), request.cluster)
+    for batch in batches(request, folders, answers):
+        if status := run_batch(batch):
+            raise SystemExit(status)
+        print(f"{len(done(batch.folders.answers))} of {batch.count} cases answered", flush=True)
     if calibrating:
         found = lock.lock(folders, which) if request.lock else lock.calibrated(folders)
         print("\n".join(lock.lines(found)))
@@ -191,38 +189,12 @@ def batches(
             simulator=request.simulator,
             quick=request.quick,
             folders=folders,
-            workers=1 if request.cluster else request.workers,
+            workers=request.workers,
             keep=request.keep_bags,
             answers=answers,
         )
         for first in range(0, request.cases, CASES_PER_BATCH)
     ]
-
-
-def through(waiting: Sequence[Batch], cluster: str | None) -> None:
-    """Run one by one, or on a Dask cluster with the same folders; ends at a failing status."""
-    if cluster:
-        # only here: Dask is an extra
-        from distributed import as_completed
-
-        from crane_identification.scale.cluster import connected
-
-        with connected(cluster) as client:
-            futures = client.map(run_batch, waiting, pure=False)
-            _follow(
-                waiting, (future.result() for future in as_completed(futures, loop=client.loop))
-            )
-        return
-    _follow(waiting, map(run_batch, waiting))
-
-
-def _follow(waiting: Sequence[Batch], statuses: Iterable[int]) -> None:
-    for status in statuses:
-        if status:
-            raise SystemExit(status)
-        batch = waiting[0]
-        if batch.answers:
-            print(f"{len(done(batch.folders.answers))} of {batch.count} cases answered", flush=True)
 
 
 def score(folders: Folders, workers: int) -> None:
@@ -256,12 +228,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="folder for bags, answers and results",
     )
     add("--keep-bags", action="store_true", help="keep the bags (100 MB per case), to answer again")
-    add("--bags-only", action="store_true", help="only make the bags of all cases")
-    add(
-        "--cluster",
-        metavar="ADDRESS",
-        help="address of a Dask scheduler whose workers share the folder",
-    )
     add("--lock", action="store_true", help="write the calibrated thresholds to the package")
     add(
         "--thresholds",

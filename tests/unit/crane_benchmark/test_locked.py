@@ -137,7 +137,6 @@ def test_either_plant_is_scored_by_the_gates_of_the_other(
 
 
 def test_a_batch_answers_its_own_cases_alone(tmp_path: Path, monkeypatch) -> None:
-    """Other workers of a cluster make and answer theirs in the same folders."""
     stages: list[list[str]] = []
     monkeypatch.setattr(
         benchmark, "stage", lambda name, *rest: stages.append([name, *map(str, rest[2:])]) or 0
