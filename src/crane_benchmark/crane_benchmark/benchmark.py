@@ -45,61 +45,6 @@ class Answering:
 
 
 @dataclass(frozen=True)
-class Batch:
-    """The cases from `first` to before `last` of a set of `count`, all or those of a `simulator`.
-
-    Bags that are answered are deleted unless they are to be kept.
-    """
-
-    which: CaseSet
-    count: int
-    first: int
-    last: int
-    simulator: Simulator | None
-    quick: bool
-    folders: Folders
-    workers: int
-    keep: bool
-    answers: tuple[Answering, ...]
-
-
-def run_batch(batch: Batch) -> int:
-    """Make the bags that are not there, and answer; the status of the first stage that fails."""
-    making: list[object] = ["--set", batch.which.value, "--count", batch.count]
-    making += ["--from", batch.first, "--to", batch.last]
-    if batch.simulator is not None:
-        making += ["--simulator", batch.simulator.value]
-    if batch.quick:
-        making.append("--quick")
-    if status := stage("make_cases", batch.folders, batch.workers, *making):
-        return status
-    names_of_batch = [
-        case.name for case in cases(batch.which, batch.count)[batch.first : batch.last]
-    ]
-    for answers in batch.answers:
-        names = (
-            names_of_batch
-            if answers.names is None
-            else [name for name in names_of_batch if name in answers.names]
-        )
-        how: list[object] = ["--only", *names]  # beside it other workers make and answer theirs
-        if batch.keep:
-            how.append("--keep-bags")
-        if answers.thresholds is not None:
-            how += ["--thresholds", answers.thresholds]
-        if status := stage("answer_cases", batch.folders, batch.workers, *how):
-            return status
-    return 0
-
-
-def stage(name: str, folders: Folders, workers: int, *arguments: object) -> int:
-    """The status with which a stage ends."""
-    command: list[object] = [sys.executable, "-m", STAGES[name], "--workers", workers]
-    command += ["--folder", folders.top, "--round", folders.round, *arguments]
-    return subprocess.run([str(word) for word in command]).returncode
-
-
-@dataclass(frozen=True)
 class BenchmarkRequest:
     """Request of the command; see its options."""
 
@@ -112,6 +57,43 @@ class BenchmarkRequest:
     keep_bags: bool
     lock: bool
     thresholds: Path | None
+
+
+def run_batch(
+    request: BenchmarkRequest, folders: Folders, answers: Sequence[Answering], first: int
+) -> int:
+    """Make the bags of the cases from `first` on that are not there, and answer; the status of the
+    first stage that fails. Bags that are answered are deleted unless they are to be kept.
+    """
+    last = min(first + CASES_PER_BATCH, request.cases)
+    making: list[object] = ["--set", request.which.value, "--count", request.cases]
+    making += ["--from", first, "--to", last]
+    if request.simulator is not None:
+        making += ["--simulator", request.simulator.value]
+    if request.quick:
+        making.append("--quick")
+    if status := stage("make_cases", folders, request.workers, *making):
+        return status
+    of_batch = [case.name for case in cases(request.which, request.cases)[first:last]]
+    for answering in answers:
+        names = of_batch
+        if answering.names is not None:
+            names = [name for name in of_batch if name in answering.names]
+        how: list[object] = ["--only", *names]
+        if request.keep_bags:
+            how.append("--keep-bags")
+        if answering.thresholds is not None:
+            how += ["--thresholds", answering.thresholds]
+        if status := stage("answer_cases", folders, request.workers, *how):
+            return status
+    return 0
+
+
+def stage(name: str, folders: Folders, workers: int, *arguments: object) -> int:
+    """The status with which a stage ends."""
+    command: list[object] = [sys.executable, "-m", STAGES[name], "--workers", workers]
+    command += ["--folder", folders.top, "--round", folders.round, *arguments]
+    return subprocess.run([str(word) for word in command]).returncode
 
 
 def run(request: BenchmarkRequest) -> None:
@@ -132,10 +114,10 @@ def run(request: BenchmarkRequest) -> None:
         answers = crossed(request, top)
     else:
         answers = (Answering(request.thresholds),)
-    for batch in batches(request, folders, answers):
-        if status := run_batch(batch):
+    for first in range(0, request.cases, CASES_PER_BATCH):
+        if status := run_batch(request, folders, answers, first):
             raise SystemExit(status)
-        print(f"{len(done(batch.folders.answers))} of {batch.count} cases answered", flush=True)
+        print(f"{len(done(folders.answers))} of {request.cases} cases answered", flush=True)
     if calibrating:
         found = lock.lock(folders, which) if request.lock else lock.calibrated(folders)
         print("\n".join(lock.lines(found)))
@@ -174,27 +156,6 @@ def crossed(request: BenchmarkRequest, top: Path) -> tuple[Answering, ...]:
             Answering(lock.write_independent(top), names_of_simulator[Simulator.PRIMARY])
         )
     return tuple(answers)
-
-
-def batches(
-    request: BenchmarkRequest, folders: Folders, answers: tuple[Answering, ...]
-) -> list[Batch]:
-    """The cases of a set, a few at a time."""
-    return [
-        Batch(
-            which=request.which,
-            count=request.cases,
-            first=first,
-            last=min(first + CASES_PER_BATCH, request.cases),
-            simulator=request.simulator,
-            quick=request.quick,
-            folders=folders,
-            workers=request.workers,
-            keep=request.keep_bags,
-            answers=answers,
-        )
-        for first in range(0, request.cases, CASES_PER_BATCH)
-    ]
 
 
 def score(folders: Folders, workers: int) -> None:
