@@ -1,6 +1,5 @@
 """Faults of sensors of the other make: three of each effect of the catalogue, and of others."""
 
-from collections.abc import Callable
 from itertools import groupby
 
 import numpy as np
@@ -9,42 +8,9 @@ from scipy.signal import lfilter
 from crane_benchmark.independent.effects import FORCE_FORMS, FRICTION_FORMS
 from crane_model.machine import Machine
 from crane_sim.effects.form import Draw, Form, Magnitude, SensorFault, Where
-from crane_sim.effects.sensing import BothTransducers, EncoderFault, OneTransducer, Shown
+from crane_sim.effects.sensing import Shown, of_both, of_chamber_a, of_encoder
 
 FULL = 2.5e7  # Pa, of a transducer
-
-Reading = Callable[..., np.ndarray]
-"""From time (n,) [s], pressure (n,) [Pa] and the values of a form to what is shown (n,)."""
-
-
-def of_chamber_a(reading: Reading) -> type[SensorFault]:
-    """The fault of the transducer of chamber A that shows this."""
-
-    class Fault(OneTransducer):
-        def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-            return reading(time, pressure, *self.values)
-
-    return Fault
-
-
-def of_both(reading: Reading) -> type[SensorFault]:
-    """The fault of the transducers of both chambers that show this."""
-
-    class Fault(BothTransducers):
-        def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-            return reading(time, pressure, *self.values)
-
-    return Fault
-
-
-def of_encoder(error: Callable[..., np.ndarray]) -> type[SensorFault]:
-    """The fault of an encoder with this error, by position and the values of a form."""
-
-    class Fault(EncoderFault):
-        def error(self, q: np.ndarray) -> np.ndarray:
-            return error(q, *self.values)
-
-    return Fault
 
 
 def _two_delays(time: np.ndarray, pressure: np.ndarray, delay: float, share: float) -> np.ndarray:
