@@ -78,37 +78,26 @@ def of_encoder(error: Callable[..., np.ndarray]) -> type[SensorFault]:
     return Fault
 
 
-# Transducers whose channels share a cable or a ground.
+def of_neighbour(chamber: int, step: int, heard: Reading) -> type[SensorFault]:
+    """The channel of chamber A (0) or B (1) that picks up a share of the joint `step` further.
 
+    `heard` is from time, pressures of A and B there and the values after the share.
+    """
 
-class Crosstalk(SensorFault):
-    """A channel that picks up some of the next joint's."""
+    class Fault(SensorFault):
+        def pressures(
+            self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+        ) -> Shown:
+            place = self.measured.index(self.column) + step
+            other = self.measured[place % len(self.measured)]
+            share, *values = self.values
+            shown = chamber_a.copy(), chamber_b.copy()
+            shown[chamber][:, self.column] += share * heard(
+                time, chamber_a[:, other], chamber_b[:, other], *values
+            )
+            return shown
 
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        share = self.values[0]
-        following = self.measured.index(self.column) + 1
-        source = self.measured[following % len(self.measured)]
-        shown = chamber_a.copy()
-        shown[:, self.column] += share * chamber_b[:, source]
-        return shown, chamber_b
-
-
-class CrosstalkOfA(Crosstalk):
-    """A channel that picks up some of the like one of the next joint."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        return super().pressures(time, chamber_a, chamber_a)[0], chamber_b
-
-
-class SharedGround(Crosstalk):
-    """Channels of which one lifts the other's ground, more than in proportion."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        lifted = (
-            REFERENCE_PRESSURE_PA
-            * (np.maximum(chamber_b, 0.0) / REFERENCE_PRESSURE_PA) ** self.values[1]
-        )
-        return super().pressures(time, chamber_a, lifted)[0], chamber_b
+    return Fault
 
 
 # Readings that come late.
@@ -266,12 +255,16 @@ SENSING_FORMS = (
          Magnitude("lag", "s", 0.01, 0.2)),
     Form("time_skew", "averaged", of_both(_averaged), Magnitude("delay", "s", 0.01, 0.2),
          (Draw("share", "1", 0.3, 1.0),)),
-    Form("crosstalk", "next_joint", Crosstalk, _PICKED_UP,
+    Form("crosstalk", "next_joint", of_neighbour(0, 1, lambda time, a, b: b), _PICKED_UP,
          outside=True, signed=True),
-    Form("crosstalk", "of_chamber_a", CrosstalkOfA, _PICKED_UP,
+    Form("crosstalk", "of_chamber_a", of_neighbour(0, 1, lambda time, a, b: a), _PICKED_UP,
          outside=True, signed=True),
-    Form("crosstalk", "shared_ground", SharedGround, _PICKED_UP,
-         (Draw("exponent", "1", 1.4, 2.4),), outside=True, signed=True),
+    # one lifts the ground of the other, more than in proportion
+    Form("crosstalk", "shared_ground",
+         of_neighbour(0, 1, lambda time, a, b, exponent:
+                      REFERENCE_PRESSURE_PA
+                      * (np.maximum(b, 0.0) / REFERENCE_PRESSURE_PA) ** exponent),
+         _PICKED_UP, (Draw("exponent", "1", 1.4, 2.4),), outside=True, signed=True),
     Form("encoder_eccentricity", "disk", ECCENTRIC, _ERROR, _DISK, Where.TURNING,
          outside=True),
     # off its centre and not round
