@@ -245,6 +245,7 @@ def fit_by_sums(
     again = iter(each("information", partial(reading.told, factor), coarse))
     found = [one if one.factor == factor else next(again) for one in found]
     total = FirstRound.of(model, [recording.information for recording in found])
-    spread = sum(each("uncertainty", partial(reading.meat, factor, total), recordings))
+    parts = each("uncertainty", partial(reading.meat, factor, total), recordings)
+    spread = sum(parts, np.zeros_like(total.solution.bread))
     suspicions = tuple(told for recording in found for told in recording.suspicions)
     return SummedFit(total.fitted(model, spread), total.information, suspicions)

@@ -132,7 +132,7 @@ def _lagging(time: np.ndarray, true: np.ndarray, lag: float) -> np.ndarray:
 
 
 def _pumped(
-    time: np.ndarray, ripple: float, frequency: float, share: float, behind: float
+    time: np.ndarray, share: float, behind: float, ripple: float, frequency: float
 ) -> np.ndarray:
     """A share of that of one pump, slowly beating, some radians behind."""
     beat = ripple * (1.0 + 0.3 * np.sin(0.9 * time))
@@ -292,8 +292,8 @@ SENSING_FORMS = (
                       p - bow * np.maximum(p - knee, 0.0) / (span - knee)),
          _BOW, (Draw("knee", "Pa", 3e6, 6e6), _SPAN), outside=True, signed=True),
     Form("pressure_ripple", "pump",
-         of_transducers(lambda time, p, *values: p + _pumped(time, *values, 1.0, 0.0),
-                        lambda time, p, *values: p + _pumped(time, *values, 0.4, 1.0)),
+         of_transducers(lambda time, p, *values: p + _pumped(time, 1.0, 0.0, *values),
+                        lambda time, p, *values: p + _pumped(time, 0.4, 1.0, *values)),
          _RIPPLE, (_RATE,), outside=True),
     # of a pump whose speed wanders: the pulsation is nowhere for long
     Form("pressure_ripple", "wandering",
