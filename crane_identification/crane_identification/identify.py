@@ -2,10 +2,11 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,10 +25,9 @@ from crane_model import cli
 from crane_model.cli import one_of
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
-from crane_model.progress_bar import Progress, ProgressBar
+from crane_model.progress_bar import ProgressBar
 
 if TYPE_CHECKING:
-    from crane_identification.scale.summed import SummedFit
     from crane_model.model_file import Model
 
 
@@ -67,7 +67,7 @@ def identify_by_sums(
     from crane_identification.recording_check.check import vetted
     from crane_identification.report import summary
     from crane_identification.report.content import pooled
-    from crane_identification.scale.summed import fit_streamed
+    from crane_identification.scale.summed import SummedFit, fit_streamed
     from crane_model.model_file import save_model
 
     options = request.options
@@ -81,12 +81,28 @@ def identify_by_sums(
         raise ConfigurationError(f"{option} takes no prior; leave out --prior")
     if request.ramps:
         raise ConfigurationError(f"{option} finds no valves; leave out --ramps")
+    fit: Callable[..., SummedFit] = fit_streamed
+    if request.cluster:
+        if request.terms:
+            raise ConfigurationError(
+                "--cluster: its workers do not have the file of --terms; leave it out"
+            )
+        try:
+            from crane_identification.scale.cluster import fit_on_cluster
+        except ImportError as error:
+            raise ConfigurationError(
+                f"--cluster needs Dask: {error}; install distributed"
+            ) from None
+        fit = partial(fit_on_cluster, address=request.cluster)
+    trusted = request.trust_recordings
     with ProgressBar() as progress:
-        trusted = request.trust_recordings
-        result = (
-            _on_cluster(model, request, columns, progress)
-            if request.cluster
-            else fit_streamed(model, request.train, options, progress, columns, trusted)
+        result = fit(
+            model,
+            request.train,
+            options=options,
+            progress=progress,
+            columns=columns,
+            trusted=trusted,
         )
         sources = Sources(model, columns, options, progress)
         held_out = sources.read(request.validate)
@@ -104,32 +120,8 @@ def identify_by_sums(
     print(
         f"{len(model.parameters)} parameters from {result.information.rows.sum()} equations of "
         f"{len(request.train)} recordings"
-        + (f", by {result.workers} workers" if request.cluster else "")
     )
     print(f"written: {request.out}/model.yaml, {request.out}/summary.json")
-
-
-def _on_cluster(
-    model: "Model", request: IdentifyRequest, columns: ColumnMap | None, progress: Progress
-) -> "SummedFit":
-    if request.terms:
-        raise ConfigurationError(
-            "--cluster: its workers do not have the file of --terms; leave it out"
-        )
-    try:
-        from crane_identification.scale.cluster import fit_on_cluster
-    except ImportError as error:
-        raise ConfigurationError(f"--cluster needs Dask: {error}; install distributed") from None
-    assert request.cluster is not None
-    return fit_on_cluster(
-        model,
-        request.train,
-        request.cluster,
-        request.options,
-        progress,
-        columns,
-        request.trust_recordings,
-    )
 
 
 class ReferenceValues(RootModel[dict[str, float]]):

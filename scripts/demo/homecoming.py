@@ -57,10 +57,7 @@ def measured(law: CraneRun, pulled: Pulled) -> Unplugged:
     home = _before(estimate, pulled.home)[0]
     mass, deviation = _before(load, pulled.home)
     return Unplugged(
-        joint=pulled.joint,
-        named_by=answer.named_by,
-        seconds_to_name=answer.seconds_to_name,
-        seconds_to_neutral=answer.seconds_to_neutral,
+        **dict(answer),
         estimate_error=float(home - read[-1]),
         true_load=LOAD,
         load=float(mass),

@@ -6,6 +6,7 @@ import bags
 from laws import OUT
 
 from crane_benchmark.rehearsal.crane_run import CraneRun
+from crane_benchmark.rehearsal.outcome import LostEncoder
 from crane_identification.report.summary import Summary
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 from crane_sim.ground_truth import TrueEffect
@@ -47,17 +48,9 @@ class Following(ResultPart):
     """Than (36) in the first experiment [-]; null where the joint was held."""
 
 
-class Unplugged(ResultPart):
+class Unplugged(LostEncoder):
     """What became of a crane that lost an encoder in mid-motion."""
 
-    joint: str
-    """Whose encoder froze."""
-    named_by: str
-    """The node that named it first."""
-    seconds_to_name: float
-    """From then on [s]."""
-    seconds_to_neutral: float
-    """Until all valves were commanded neutral [s]."""
     estimate_error: float
     """Estimate minus encoder, once home and plugged in again [rad, m]."""
     true_load: float

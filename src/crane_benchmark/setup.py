@@ -51,6 +51,6 @@ setup(
         "ruamel.yaml",
         "scipy",
     ],
-    extras_require={"cluster": ["distributed"], "regression": ["pysindy"]},
+    extras_require={"regression": ["pysindy"]},
     entry_points={"console_scripts": scripts},
 )

@@ -1,5 +1,6 @@
 """How fast this computer runs Python, so that targets for processor time fit any computer."""
 
+import resource
 import time
 from functools import cache
 from statistics import median
@@ -18,3 +19,9 @@ def loop_time() -> float:
 def scaled(target: float) -> float:
     """A target for processor time, stated where the measured loop takes `REFERENCE`, for here."""
     return target * loop_time() / REFERENCE
+
+
+def of_children() -> float:
+    """CPU time [s] of all processes that were started and have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime

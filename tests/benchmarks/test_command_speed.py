@@ -13,7 +13,7 @@ pytest.importorskip("mujoco")
 
 from crane_benchmark import CaseKind, Folders
 from crane_benchmark.cases.case_sets import CaseSet, cases
-from crane_benchmark.cases.make_cases import MakingJob, make_case
+from crane_benchmark.cases.make_cases import make_case
 
 TO_HELP_S, TO_DIAGNOSE_S = 1.0, 12.0  # processor time of --help, wall time of a diagnosis
 COMMANDS = ("check_recording", "diagnose", "identify", "simulate")
@@ -48,7 +48,7 @@ def test_diagnose(tmp_path: Path, measured) -> None:
     for kind in (KINDS[0], *KINDS):  # the first one compiles
         case = next(case for case in every if case.kind is kind)
         folders = Folders(tmp_path / str(len(times)))
-        make_case(MakingJob(case, folders, 2))
+        make_case(folders, case)
         bags = folders.bags / case.name
         words = ["--model", str(bags / "model.yaml"), "--out", str(folders.bags / "diagnosis")]
         for option in ("train", "validate"):

@@ -4,13 +4,13 @@ Sixteen starts, 5 harmonics, 20 s, all columns of the model. Times are of proces
 share a design.
 """
 
-import resource
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.speed import of_children
 
 from crane_model import Model, load_machine, load_model
 from crane_model.machine_files import machine_file
@@ -47,12 +47,6 @@ MACHINES: dict[str, tuple[Callable[[], Model], frozenset[Limit]]] = {
     "excavator": (lambda: load_model(machine_file("model.yaml", "excavator")), frozenset()),
     "six-axis robot": (six_axes, frozenset({Limit.FLOW, Limit.CLEARANCE})),
 }
-
-
-def of_children() -> float:
-    """CPU time [s] of all processes that were started and have ended."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 @pytest.mark.parametrize("name", MACHINES)

@@ -19,7 +19,7 @@ from crane_benchmark import CaseKind, Folders
 from crane_benchmark.answers.answer_cases import given
 from crane_benchmark.cases.case import Simulator
 from crane_benchmark.cases.case_sets import CaseSet, cases
-from crane_benchmark.cases.make_cases import MakingJob, make_case
+from crane_benchmark.cases.make_cases import make_case
 from crane_identification import Options
 from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.thresholds import load_thresholds
@@ -62,9 +62,9 @@ def test_the_start_of_a_process(measured) -> None:
 def test_a_case(tmp_path: Path, measured, simulator: Simulator) -> None:
     every = cases(SETS[simulator], 40)
     chosen = [next(one for one in every if one.kind is kind) for kind in KINDS]
-    make_case(MakingJob(chosen[0], Folders(tmp_path / "first"), 2))  # compiles what there is
+    make_case(Folders(tmp_path / "first"), chosen[0])  # compiles what there is
     folders = Folders(tmp_path / "set")
-    making = [taken(partial(make_case, MakingJob(one, folders, 2))) for one in chosen]
+    making = [taken(partial(make_case, folders, one)) for one in chosen]
     cpu, wall = np.mean(making, axis=0)
     measured(
         f"eight bags of a case, {simulator.value}, processor time, mean of {len(chosen)}",

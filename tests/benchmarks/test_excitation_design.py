@@ -5,11 +5,11 @@ the period, no bounds on clearance and acceleration. Times are of
 processors: two cores share a design.
 """
 
-import resource
 import time
 from collections.abc import Callable
 
 import numpy as np
+from benchmarks.speed import of_children
 from scipy.optimize import minimize
 
 from crane_model import load_model
@@ -43,12 +43,6 @@ PROBLEM = ExcitationProblem(
     load_clearance(machine_file("clearance.yaml")),
     without=frozenset({Limit.CLEARANCE}),
 )
-
-
-def of_children() -> float:
-    """CPU time [s] of all processes that were started and have ended."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def conditions(point: np.ndarray) -> tuple[float, float]:

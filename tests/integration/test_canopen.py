@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from integration.canopen_device import CanopenDevice
 from integration.commander import Commander
-from integration.driver_stage import Stage, commander
+from integration.driver_stage import Stage
 from integration.faults import swing
 
 NODE, NAME = 5, "boom_encoder"
@@ -25,12 +25,6 @@ def encoder(stage: Stage) -> Iterator[CanopenDevice]:
     device = CanopenDevice(stage, NODE)
     yield device
     device.close()
-
-
-@pytest.fixture(scope="module")
-def hand(stage: Stage) -> Iterator[Commander]:
-    with commander(stage) as process:
-        yield process
 
 
 def shown(stage: Stage) -> tuple[bytes, str]:

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from distributed import LocalCluster
 
-from crane_benchmark import benchmark
-from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_identification import ColumnMap, Estimator, Options, fit, identify, read_bag
 from crane_identification.scale.cluster import fit_on_cluster
 from crane_model import ConfigurationError, DataError, load_model
@@ -57,7 +55,6 @@ def test_same_estimate_as_on_one_machine(bags: list[Path], address: str, measure
     )
     assert difference < 1e-9
     assert found.information.rows.sum() == expected.estimate.samples
-    assert found.workers == 2
     assert found.model.std_devs is not None
     ratio = found.model.std_devs / expected.estimate.std_devs
     assert (ratio > 0.4).all()
@@ -102,19 +99,3 @@ def test_what_is_wrong_is_named(bags: list[Path], address: str, tmp_path: Path) 
         pytest.raises(ConfigurationError, match="no workers"),
     ):
         fit_on_cluster(model, bags, empty.scheduler_address, OPTIONS)
-
-
-def test_the_benchmark_makes_its_cases_on_workers(address: str, tmp_path: Path) -> None:
-    """Stages are processes of their own there too; what is there is not made again."""
-    words = ["--set", "tuning", "--cases", "2", "--quick", "--bags-only", "--out", str(tmp_path)]
-    assert not benchmark.main([*words, "--cluster", address])
-    made = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "tuning/bags").iterdir()}
-    assert made.keys() == {case.name for case in cases(CaseSet.TUNING, 2)}
-    assert not benchmark.main([*words, "--cluster", address])
-    again = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "tuning/bags").iterdir()}
-    assert again == made
-
-
-def test_the_benchmark_names_a_scheduler_that_does_not_answer(capsys) -> None:
-    assert benchmark.main(["--set", "tuning", "--bags-only", "--cluster", "here"]) == 1
-    assert "write tcp://HOST:PORT" in capsys.readouterr().err

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from domain_coordinator import domain_id
 from integration.commander import Commander
-from integration.driver_stage import Stage, commander
+from integration.driver_stage import Stage
 from integration.faults import (
     DEAF_MACHINE,
     SMALLEST,
@@ -41,13 +41,6 @@ def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     )
     yield one
     one.close()
-
-
-@pytest.fixture(scope="module")
-def hand(stage: Stage) -> Iterator[Commander]:
-    """The publisher of commands that all tests but one share."""
-    with commander(stage) as process:
-        yield process
 
 
 def test_a_publisher_that_stops_makes_the_valves_ramp_to_neutral(

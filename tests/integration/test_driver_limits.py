@@ -1,18 +1,8 @@
 """What the services of the driver do to a moving crane, and how far its commands go."""
 
-from collections.abc import Iterator
-
-import pytest
 from integration.commander import Commander
-from integration.driver_stage import Stage, commander
+from integration.driver_stage import Stage
 from integration.faults import SMALLEST, UNHINDERED, ramped, swing
-
-
-@pytest.fixture(scope="module")
-def hand(stage: Stage) -> Iterator[Commander]:
-    """The publisher of commands that all tests share."""
-    with commander(stage) as process:
-        yield process
 
 
 def test_emergency_stop_is_neutral_at_once_and_latched(stage: Stage, hand: Commander) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 from integration.commander import Commander
-from integration.driver_stage import Stage, commander
+from integration.driver_stage import Stage
 from integration.faults import SMALLEST, UNHINDERED, swing
 from integration.processes import DRIVER, IMPATIENT, MACHINE
 
@@ -30,13 +30,6 @@ def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     one = Stage(tmp_path_factory.mktemp("driver"), [], simulation=IMPATIENT + MACHINE)
     yield one
     one.close()
-
-
-@pytest.fixture(scope="module")
-def hand(stage: Stage) -> Iterator[Commander]:
-    """The publisher of commands; it stays when the driver ends."""
-    with commander(stage) as process:
-        yield process
 
 
 def ended_by(stage: Stage, hand: Commander, *signals: signal.Signals, program: str = DRIVER) -> int:

@@ -1,13 +1,12 @@
 """The player as a process on a real ROS graph: what was recorded, in its rhythm, and no valve."""
 
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from integration.recording_graph import LATCHED, Graph, graph
+from integration.recording_graph import LATCHED, Graph
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 from rclpy.qos import QoSProfile
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -31,12 +30,6 @@ CLASSES = {
     CYLINDER_PRESSURES.name: CylinderPressures,
     VALVE_COMMAND.name: ValveCommand,
 }
-
-
-@pytest.fixture
-def ros(ros_domain: int, tmp_path: Path) -> Iterator[Graph]:
-    with graph(ros_domain, tmp_path) as made:
-        yield made
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 import resource
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -33,12 +32,6 @@ from crane_nodes.recording.statistics import SHORTEST_SILENCE_S
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
 SECOND = 1_000_000_000  # ns
 TRIES = 3
-
-
-@pytest.fixture
-def ros(ros_domain: int, tmp_path: Path) -> Iterator[Graph]:
-    with graph(ros_domain, tmp_path) as made:
-        yield made
 
 
 @pytest.fixture

@@ -1,13 +1,12 @@
 """A recording played to the identification node gives what the same recursion gives offline."""
 
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from integration.recording_graph import LATCHED, Graph, graph, run
+from integration.recording_graph import LATCHED, Graph, run
 
 from crane_identification import read_bag
 from crane_identification.online.estimator import OnlineOptions
@@ -27,12 +26,6 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     trajectory = machine_file("excitation_20s.yaml")
     run("crane_sim", "make_bag", "--trajectory", trajectory, "--periods", 1, "--out", path)
     return path
-
-
-@pytest.fixture
-def ros(ros_domain: int, tmp_path: Path) -> Iterator[Graph]:
-    with graph(ros_domain, tmp_path) as made:
-        yield made
 
 
 def test_a_played_bag_gives_the_estimate_of_the_offline_recursion(ros: Graph, bag: Path) -> None:

@@ -6,7 +6,6 @@ import signal
 import socket
 import time
 from collections import defaultdict
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from integration.browser import installed
-from integration.recording_graph import LATCHED, PATIENCE, Graph, Process, graph
+from integration.recording_graph import LATCHED, PATIENCE, Graph, Process
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 from PIL import Image
 from rclpy.duration import Duration
@@ -144,12 +143,6 @@ def test_a_port_in_use_is_told(bag: Path, tmp_path: Path) -> None:
         assert viewer.process.wait(PATIENCE) == 1
     assert f"ports {port} and" in viewer.output
     assert "name others by --web-port and --data-port" in viewer.output
-
-
-@pytest.fixture
-def ros(ros_domain: int, tmp_path: Path) -> Iterator[Graph]:
-    with graph(ros_domain, tmp_path) as made:
-        yield made
 
 
 def published(node: Node) -> set[str]:

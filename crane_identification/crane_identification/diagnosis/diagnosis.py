@@ -164,11 +164,7 @@ class Diagnosis:
                 ),
             ],
             pulsations=[
-                schema.FoundPulsation(
-                    joint=one.joint,
-                    frequency=one.frequency,
-                    relative_magnitude=one.relative_magnitude,
-                )
+                schema.FoundPulsation.model_validate(one, from_attributes=True)
                 for one in self.proof.pulsations
             ],
             flow={one.joint: _balance(one) for one in self.flow.found},

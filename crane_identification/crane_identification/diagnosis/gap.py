@@ -83,12 +83,11 @@ BLOCK = 10  # rows, some seconds: longer than what a residual remembers
 
 @dataclass(frozen=True)
 class Learnt:
-    """Out-of-fold prediction (n, j) of a residual, the share (j,) that it explains, how likely
-    chance gives such gains, and root mean square of what is explained over that of the force. Folds
-    that it predicts worse than zero count as not explained.
+    """Share (j,) of a residual that its out-of-fold prediction explains, how likely chance gives
+    such gains, and root mean square of what is explained over that of the force. Folds that are
+    predicted worse than zero count as not explained.
     """
 
-    prediction: np.ndarray
     share: np.ndarray
     p_value: np.ndarray
     strength: np.ndarray
@@ -104,11 +103,11 @@ def learn(evidence: Evidence, residual: np.ndarray, fold: np.ndarray) -> Learnt:
     """Predict the residual (n, c) of each fold (n,) from the others, on each joint (j,)."""
     known = evidence.known
 
-    def learnt(j: int) -> tuple[np.ndarray, float, float, float]:
+    def learnt(j: int) -> tuple[float, float, float]:
         used, measured = evidence.used[:, j], residual[:, j]
         prediction, gain = np.zeros((2, len(used)))
         if used.sum() < FEWEST_ROWS:
-            return prediction, 0.0, 1.0, 0.0
+            return 0.0, 1.0, 0.0
         for number in np.unique(fold[used]):
             inside = used & (fold != number)
             outside = used & (fold == number)
@@ -128,10 +127,9 @@ def learn(evidence: Evidence, residual: np.ndarray, fold: np.ndarray) -> Learnt:
         count = used.sum() // BLOCK
         blocks = gain[used][: count * BLOCK].reshape(-1, BLOCK).mean(axis=1)
         p_value = float(ttest_1samp(blocks, 0.0, alternative="greater").pvalue)
-        return prediction, share, p_value, strength
+        return share, p_value, strength
 
-    prediction, *figures = zip(*map(learnt, range(len(evidence.joints))), strict=True)
-    return Learnt(np.stack(prediction, axis=1), *map(np.array, figures))
+    return Learnt(*np.array(list(map(learnt, range(len(evidence.joints))))).T)
 
 
 def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegressor:

@@ -193,11 +193,9 @@ def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
     return 2 * len(asked) > len(gains) and failed <= allowed
 
 
-def predicts(
-    search: Search, rest: Sequence[np.ndarray], added: np.ndarray, asked: Folds | None = None
-) -> bool:
+def predicts(search: Search, rest: Sequence[np.ndarray], added: np.ndarray) -> bool:
     """Return whether columns added to the `rest` predict held-out recordings better."""
-    return helps(held_out_gains(search, rest, added, asked)[0], search.thresholds)
+    return helps(held_out_gains(search, rest, added)[0], search.thresholds)
 
 
 # Others in the place of an effect: which explain as much, and how alike they are.

@@ -140,7 +140,6 @@ def curves(key: str, entries: Sequence[Content], title: str) -> tuple[Picture, .
         times = "" if one["times"] == "1" else f", to be multiplied by {one['times']}"
         line = _trace("", EFFECT, factor * np.array(one["knots"]), values, mode="lines+markers")
         bars = {"type": "data", "array": numbers(std_devs), "color": EFFECT, "thickness": 1}
-        line["error_y"] = bars
         out.append(
             Picture(
                 f"{key}-{place}",

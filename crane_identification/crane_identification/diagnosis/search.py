@@ -221,12 +221,6 @@ class Search:
         shares = power / max(float(power.sum()), np.finfo(float).tiny)
         return float(self.strengths(score * shares).max())
 
-    def strength_on(self, gain: float, j: int) -> float:
-        """Root mean square of so much `gain` on joint j over that of its force."""
-        energy = np.zeros(len(self.whitener.noise))
-        energy[j] = gain
-        return float(self.strengths(energy)[j])
-
     def strengths(self, energy: np.ndarray) -> np.ndarray:
         """Root mean square (j,) of so much energy (c,) over that of the force of the joint."""
         evidence, joints = self.evidence, len(self.evidence.joints)
@@ -239,7 +233,9 @@ class Search:
 
     def is_strong(self, gain: float, j: int) -> bool:
         """Return whether so much `gain` on joint j is more than errors of the processing."""
-        return self.strength_on(gain, j) >= self.thresholds.gates.smallest_strength
+        energy = np.zeros(len(self.whitener.noise))
+        energy[j] = gain
+        return bool(self.strengths(energy)[j] >= self.thresholds.gates.smallest_strength)
 
     def detectable(self, threshold: float) -> float:
         """Strength at which nearly all testable candidates reach the threshold, or infinite."""

@@ -1,11 +1,11 @@
 """Least squares by sums of information matrices, recording by recording."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import add
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -103,20 +103,6 @@ def _root(matrix: np.ndarray) -> np.ndarray:
         return cholesky(matrix + RESOLVED * len(matrix) * np.eye(len(matrix)))
 
 
-# Result of a fit by sums of information matrices, if the recording can be read.
-
-
-def read(path: Path, model: Model, columns: ColumnMap | None, options: Options) -> Log:
-    """The part of it that `options` name, without samples that are known to be bad."""
-    log = read_recording(path, model.joints, columns, namespace=options.namespace)
-    return slowed(usable(log, options.begin, options.end), options.rate)
-
-
-def rows_of(preparations: Sequence[Preparation], model: Model, factor: int) -> Rows:
-    """All of its gapless runs."""
-    return Rows.stack([build_rows(model, preparation, factor) for preparation in preparations])
-
-
 # The fit that information matrices of recordings add up to, in two rounds over the recordings.
 #
 # The first sums the information, which gives the same Θ as all rows in one place; the second the
@@ -131,7 +117,6 @@ class SummedFit:
     model: Model
     information: Information
     suspicions: tuple[str, ...]
-    workers: int = 1
 
 
 @dataclass(frozen=True)
@@ -177,6 +162,9 @@ class FirstRound:
 # One is read, prepared and turned into rows at a time; what is kept of it is its information
 # matrix. Every recording is read twice.
 
+Each = Callable[[str, Callable[[Path], Any], Sequence[Path]], Sequence[Any]]
+"""Results of a function on each recording, in their order; the first argument names the phase."""
+
 
 class _Told(NamedTuple):
     """Data kept of a recording: decimated by `factor`."""
@@ -184,6 +172,36 @@ class _Told(NamedTuple):
     information: Information
     factor: int
     suspicions: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """How recordings are read."""
+
+    model: Model
+    columns: ColumnMap | None
+    options: Options
+    trusted: bool
+
+    def told(self, factor: int | None, path: Path) -> _Told:
+        log, preparations = self._prepared(path)
+        suspicions = vetted(self.model.machine, [log], self.trusted, self.model)
+        factor = common_factor(preparations, factor)
+        return _Told(Information.of(self._rows(preparations, factor)), factor, suspicions)
+
+    def meat(self, factor: int, first: FirstRound, path: Path) -> np.ndarray:
+        rows = self._rows(self._prepared(path)[1], factor)
+        return meat(rows, first.weights, first.solution.values, self.options.covariance)
+
+    def _prepared(self, path: Path) -> tuple[Log, list[Preparation]]:
+        """The part of the recording that the options name, without bad samples, and its runs."""
+        options, joints = self.options, self.model.joints
+        log = read_recording(path, joints, self.columns, namespace=options.namespace)
+        log = slowed(usable(log, options.begin, options.end), options.rate)
+        return log, prepare(self.model, log, options)
+
+    def _rows(self, preparations: Sequence[Preparation], factor: int) -> Rows:
+        return Rows.stack([build_rows(self.model, one, factor) for one in preparations])
 
 
 def fit_streamed(
@@ -199,30 +217,35 @@ def fit_streamed(
     Raises `DataError` as `fitting.fit` does, and where a recording that is not `trusted` looks
     wrong.
     """
+
+    def each(phase: str, of: Callable[[Path], Any], paths: Sequence[Path]) -> list[Any]:
+        found = []
+        for path in paths:
+            found.append(of(path))
+            progress(phase, len(found) / len(paths))
+        return found
+
+    return fit_by_sums(model, recordings, each, options, columns, trusted)
+
+
+def fit_by_sums(
+    model: Model,
+    recordings: Sequence[Path],
+    each: Each,
+    options: Options | None = None,
+    columns: ColumnMap | None = None,
+    trusted: bool = False,
+) -> SummedFit:
+    """As `fit_streamed`, where `each` may spread the recordings over processes."""
     options = options or Options()
-
-    def prepared(path: Path) -> tuple[list[Preparation], tuple[str, ...]]:
-        log = read(path, model, columns, options)
-        return prepare(model, log, options), vetted(model.machine, [log], trusted, model)
-
-    def told(path: Path, factor: int | None) -> _Told:
-        preparations, suspicions = prepared(path)
-        factor = common_factor(preparations, factor)
-        return _Told(Information.of(rows_of(preparations, model, factor)), factor, suspicions)
-
-    found = []
-    for done, path in enumerate(recordings, start=1):
-        found.append(told(path, options.decimation))
-        progress("information", done / len(recordings))
+    reading = _Reading(model, columns, options, trusted)
+    found = each("information", partial(reading.told, options.decimation), recordings)
     factor = min(recording.factor for recording in found)
-    for i, path in enumerate(recordings):
-        if found[i].factor != factor:
-            found[i] = told(path, factor)
+    coarse = [path for path, one in zip(recordings, found, strict=True) if one.factor != factor]
+    again = iter(each("information", partial(reading.told, factor), coarse))
+    found = [one if one.factor == factor else next(again) for one in found]
     total = FirstRound.of(model, [recording.information for recording in found])
-    spread = np.zeros_like(total.solution.bread)
-    for done, path in enumerate(recordings, start=1):
-        rows = rows_of(prepared(path)[0], model, factor)
-        spread += meat(rows, total.weights, total.solution.values, options.covariance)
-        progress("uncertainty", done / len(recordings))
+    parts = each("uncertainty", partial(reading.meat, factor, total), recordings)
+    spread = sum(parts, np.zeros_like(total.solution.bread))
     suspicions = tuple(told for recording in found for told in recording.suspicions)
     return SummedFit(total.fitted(model, spread), total.information, suspicions)

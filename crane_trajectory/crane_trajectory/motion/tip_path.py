@@ -10,10 +10,9 @@ slowly if a limit of the machine would be passed.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from crane_model.cylinders import lever_arm
 from crane_model.errors import RangeError
@@ -22,6 +21,9 @@ from crane_model.machine import Machine
 from crane_trajectory.motion.check import pump_flow
 from crane_trajectory.motion.motion import running_up
 from crane_trajectory.motion.points import PointsTrajectory
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 STEP = 0.04  # m, between two poses along the path
 FEWEST_POSES, MOST_POSES = 12, 80  # of a piece between two stops
@@ -95,7 +97,7 @@ def plan_tip_path(
     pose, begun, gone, fastest, limited = start, 0.0, 0.0, 0.0, ""
     for piece in pieces:
         poses = _poses(machine, pose, piece, gone)
-        course = CubicSpline(piece.length, poses)
+        course = _spline(piece.length, poses)
         top, limits = _timed(machine, course, piece.length[-1], speed, acceleration)
         time, arc = _law(piece.length[-1], top, acceleration * (top / speed) ** 2)
         motion.append(_followed(course, arc)[1:])
@@ -141,7 +143,13 @@ def _thinned(piece: _Piece) -> _Piece:
     """As many points as its poses need, at equal distances."""
     count = int(np.clip(np.ceil(piece.length[-1] / STEP), FEWEST_POSES, MOST_POSES)) + 1
     length = np.linspace(0.0, piece.length[-1], count)
-    return _Piece(length, CubicSpline(piece.length, piece.point)(length))
+    return _Piece(length, _spline(piece.length, piece.point)(length))
+
+
+def _spline(length: np.ndarray, points: np.ndarray) -> "CubicSpline":
+    from scipy.interpolate import CubicSpline  # half a second to import
+
+    return CubicSpline(length, points)
 
 
 def _sampled(start: np.ndarray, segment: Segment, number: int) -> np.ndarray:
@@ -299,7 +307,7 @@ def _law(length: float, speed: float, acceleration: float) -> tuple[np.ndarray, 
     )
 
 
-def _followed(course: CubicSpline, arc: np.ndarray) -> np.ndarray:
+def _followed(course: "CubicSpline", arc: np.ndarray) -> np.ndarray:
     """(n, 3, j): position, velocity and acceleration of the joints at arc lengths (3, n)."""
     slope, bend = course(arc[0], 1), course(arc[0], 2)
     rate, change = arc[1][:, np.newaxis], arc[2][:, np.newaxis]
@@ -307,7 +315,7 @@ def _followed(course: CubicSpline, arc: np.ndarray) -> np.ndarray:
 
 
 def _timed(
-    machine: Machine, course: CubicSpline, length: float, speed: float, acceleration: float
+    machine: Machine, course: "CubicSpline", length: float, speed: float, acceleration: float
 ) -> tuple[float, str]:
     """The speed of the tip that no limit forbids, at most `speed` [m/s], and what limits it."""
     _, arc = _law(length, speed, acceleration)

@@ -2,13 +2,13 @@
 
 One process makes bags of machines with injected effects. A second process answers from the bags
 alone. A third process opens the ground truth and scores. An interrupted run continues with the
-same code. Bags do not depend on thresholds, so they can be made ahead and kept.
+same code. Bags do not depend on thresholds, so they can be kept.
 """
 
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,49 +45,46 @@ class Answering:
 
 
 @dataclass(frozen=True)
-class Batch:
-    """The cases from `first` to before `last` of a set of `count`, all or those of a `simulator`.
-
-    Bags that are answered are deleted unless they are to be kept.
-    """
+class BenchmarkRequest:
+    """Request of the command; see its options."""
 
     which: CaseSet
-    count: int
-    first: int
-    last: int
     simulator: Simulator | None
+    cases: int
     quick: bool
-    folders: Folders
     workers: int
-    keep: bool
-    answers: tuple[Answering, ...]
+    out: Path
+    keep_bags: bool
+    lock: bool
+    thresholds: Path | None
 
 
-def run_batch(batch: Batch) -> int:
-    """Make the bags that are not there, and answer; the status of the first stage that fails."""
-    making: list[object] = ["--set", batch.which.value, "--count", batch.count]
-    making += ["--from", batch.first, "--to", batch.last]
-    if batch.simulator is not None:
-        making += ["--simulator", batch.simulator.value]
-    if batch.quick:
+def run_batch(
+    request: BenchmarkRequest, folders: Folders, answers: Sequence[Answering], first: int
+) -> int:
+    """Make the bags of the cases from `first` on that are not there, and answer; the status of the
+    first stage that fails. Bags that are answered are deleted unless they are to be kept.
+    """
+    last = min(first + CASES_PER_BATCH, request.cases)
+    making: list[object] = ["--set", request.which.value, "--count", request.cases]
+    making += ["--from", first, "--to", last]
+    if request.simulator is not None:
+        making += ["--simulator", request.simulator.value]
+    if request.quick:
         making.append("--quick")
-    if status := stage("make_cases", batch.folders, batch.workers, *making):
+    if status := stage("make_cases", folders, request.workers, *making):
         return status
-    names_of_batch = [
-        case.name for case in cases(batch.which, batch.count)[batch.first : batch.last]
-    ]
-    for answers in batch.answers:
-        names = (
-            names_of_batch
-            if answers.names is None
-            else [name for name in names_of_batch if name in answers.names]
-        )
-        how: list[object] = ["--only", *names]  # beside it other workers make and answer theirs
-        if batch.keep:
+    of_batch = [case.name for case in cases(request.which, request.cases)[first:last]]
+    for answering in answers:
+        names = of_batch
+        if answering.names is not None:
+            names = [name for name in of_batch if name in answering.names]
+        how: list[object] = ["--only", *names]
+        if request.keep_bags:
             how.append("--keep-bags")
-        if answers.thresholds is not None:
-            how += ["--thresholds", answers.thresholds]
-        if status := stage("answer_cases", batch.folders, batch.workers, *how):
+        if answering.thresholds is not None:
+            how += ["--thresholds", answering.thresholds]
+        if status := stage("answer_cases", folders, request.workers, *how):
             return status
     return 0
 
@@ -99,30 +96,10 @@ def stage(name: str, folders: Folders, workers: int, *arguments: object) -> int:
     return subprocess.run([str(word) for word in command]).returncode
 
 
-@dataclass(frozen=True)
-class BenchmarkRequest:
-    """Request of the command; see its options."""
-
-    which: CaseSet
-    simulator: Simulator | None
-    cases: int
-    quick: bool
-    workers: int
-    out: Path
-    keep_bags: bool
-    bags_only: bool
-    cluster: str | None
-    lock: bool
-    thresholds: Path | None
-
-
 def run(request: BenchmarkRequest) -> None:
     """Run all stages, batch by batch; raises `CraneError`."""
     which = request.which
     top = request.out.resolve() / which.value
-    if request.bags_only:
-        through(batches(request, Folders(top), ()), request.cluster)
-        return
     calibrating = which is CaseSet.CALIBRATION or request.lock
     folders = Folders(top, name_of_round(request))
     if which is CaseSet.SCORING and len(done(folders.rows)) >= request.cases:
@@ -137,7 +114,10 @@ def run(request: BenchmarkRequest) -> None:
         answers = crossed(request, top)
     else:
         answers = (Answering(request.thresholds),)
-    through(batches(request, folders, answers), request.cluster)
+    for first in range(0, request.cases, CASES_PER_BATCH):
+        if status := run_batch(request, folders, answers, first):
+            raise SystemExit(status)
+        print(f"{len(done(folders.answers))} of {request.cases} cases answered", flush=True)
     if calibrating:
         found = lock.lock(folders, which) if request.lock else lock.calibrated(folders)
         print("\n".join(lock.lines(found)))
@@ -178,53 +158,6 @@ def crossed(request: BenchmarkRequest, top: Path) -> tuple[Answering, ...]:
     return tuple(answers)
 
 
-def batches(
-    request: BenchmarkRequest, folders: Folders, answers: tuple[Answering, ...]
-) -> list[Batch]:
-    """The cases of a set, a few at a time."""
-    return [
-        Batch(
-            which=request.which,
-            count=request.cases,
-            first=first,
-            last=min(first + CASES_PER_BATCH, request.cases),
-            simulator=request.simulator,
-            quick=request.quick,
-            folders=folders,
-            workers=1 if request.cluster else request.workers,
-            keep=request.keep_bags,
-            answers=answers,
-        )
-        for first in range(0, request.cases, CASES_PER_BATCH)
-    ]
-
-
-def through(waiting: Sequence[Batch], cluster: str | None) -> None:
-    """Run one by one, or on a Dask cluster with the same folders; ends at a failing status."""
-    if cluster:
-        # only here: Dask is an extra
-        from distributed import as_completed
-
-        from crane_identification.scale.cluster import connected
-
-        with connected(cluster) as client:
-            futures = client.map(run_batch, waiting, pure=False)
-            _follow(
-                waiting, (future.result() for future in as_completed(futures, loop=client.loop))
-            )
-        return
-    _follow(waiting, map(run_batch, waiting))
-
-
-def _follow(waiting: Sequence[Batch], statuses: Iterable[int]) -> None:
-    for status in statuses:
-        if status:
-            raise SystemExit(status)
-        batch = waiting[0]
-        if batch.answers:
-            print(f"{len(done(batch.folders.answers))} of {batch.count} cases answered", flush=True)
-
-
 def score(folders: Folders, workers: int) -> None:
     """Score what is answered, and print it."""
     if status := stage("score_cases", folders, workers):
@@ -256,12 +189,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="folder for bags, answers and results",
     )
     add("--keep-bags", action="store_true", help="keep the bags (100 MB per case), to answer again")
-    add("--bags-only", action="store_true", help="only make the bags of all cases")
-    add(
-        "--cluster",
-        metavar="ADDRESS",
-        help="address of a Dask scheduler whose workers share the folder",
-    )
     add("--lock", action="store_true", help="write the calibrated thresholds to the package")
     add(
         "--thresholds",

@@ -8,38 +8,30 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from crane_model.progress_bar import progress_bar
 
 ANSWER, ROW = "answer.json", "row.json"  # in the folder of a case
 
 
-class Named(Protocol):
-    """Name of a case."""
-
-    @property
-    def name(self) -> str:
-        """Tells nothing of it."""
-
-
-Item = TypeVar("Item", bound=Named)
+Item = TypeVar("Item")
 
 
 def in_processes(
     function: Callable[[Item], object],
-    items: Sequence[Item],
+    items: Mapping[str, Item],
     workers: int,
     description: str,
     prepare: Callable[[], None] | None = None,
 ) -> None:
-    """Call `function` on every item; each process first calls `prepare`.
+    """Call `function` on the item of each case; each process first calls `prepare`.
 
     Items on which it fails are reported in the end, and the others go on.
     """
@@ -49,7 +41,7 @@ def in_processes(
         ProcessPoolExecutor(workers, get_context("spawn"), prepare) as pool,
         progress_bar(description, len(items)) as bar,
     ):
-        futures = {pool.submit(function, item): item for item in items}
+        futures = {pool.submit(function, item): name for name, item in items.items()}
         failed: dict[str, Exception] = {}
         try:
             for future in as_completed(futures):
@@ -58,7 +50,7 @@ def in_processes(
                 except BrokenExecutor:
                     raise
                 except Exception as error:
-                    failed[futures[future].name] = error
+                    failed[futures[future]] = error
                 bar.update()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)

@@ -5,9 +5,9 @@ Effects are declared to be confusable by the catalogue, in either direction.
 """
 
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 
 from rich import box
@@ -64,15 +64,6 @@ class LeftOutResults(ResultFile):
     """Cases of single effects of the force."""
 
 
-@dataclass(frozen=True)
-class LeavingOutJob:
-    """A case of one hidden effect, to be answered without the entry of that effect."""
-
-    name: str
-    effect: str
-    folders: Folders
-
-
 def confusable(first_name: str, second_name: str) -> bool:
     """Return whether the catalogue declares that either entry may be taken for the other."""
     first, second = (REGISTRY[name].effect for name in (first_name, second_name))
@@ -107,15 +98,12 @@ def became(hidden: Place, answer: BlindAnswer, off: bool = False) -> Left:
     return Left.DECLARED_CLASS if answer.verdict == "ambiguous" else Left.DECLARED
 
 
-def answer_case(job: LeavingOutJob) -> None:
+def answer_case(folders: Folders, case: Case) -> None:
     """Diagnose again without the entry; what is refused is said to be insufficient."""
-    folder = job.folders.bags / job.name
-    recordings = given(folder)
-    with new(_answers(job.folders) / job.name) as out:
+    recordings, without = given(folders.bags / case.name), [case.effects[0].effect]
+    with new(_answers(folders) / case.name) as out:
         try:
-            found = diagnose(
-                *recordings, Options(), load_thresholds(), without=[job.effect]
-            ).results()
+            found = diagnose(*recordings, Options(), load_thresholds(), without=without).results()
         except CraneError as error:
             said = refused(error)
         else:
@@ -127,21 +115,13 @@ def _answers(folders: Folders) -> Path:
     return folders.scores / "without_own_entry"
 
 
-def _case(folders: Folders, name: str) -> Case:
-    return Case.model_validate(read_json(folders.sealed / name / "case.json"))
-
-
-def jobs(folders: Folders) -> list[LeavingOutJob]:
+def chosen(folders: Folders) -> Iterator[Case]:
     """Cases of one catalogued effect in the force, except loads, which are always estimated."""
-    found = []
     for name in sorted(done(folders.bags) & done(folders.sealed)):
-        case = _case(folders, name)
-        if case.kind is not CaseKind.SINGLE:
-            continue
-        effect = case.effects[0].effect
+        case = Case.model_validate(read_json(folders.sealed / name / "case.json"))
+        effect = case.effects[0].effect if case.kind is CaseKind.SINGLE else ""
         if effect in REGISTRY and not REGISTRY[effect].carries_loads:
-            found.append(LeavingOutJob(name, effect, folders))
-    return found
+            yield case
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -159,21 +139,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--workers", type=int, default=1)
     arguments = parser.parse_args(argv)
     folders = Folders(arguments.out / arguments.which.value, arguments.round)
-    every = jobs(folders)
-    waiting = [job for job in every if job.name not in done(_answers(folders))]
+    every = {case.name: case for case in chosen(folders)}
+    waiting = {name: case for name, case in every.items() if name not in done(_answers(folders))}
     if waiting:
-        in_processes(answer_case, waiting, arguments.workers, "without their own entry")
+        in_processes(
+            partial(answer_case, folders), waiting, arguments.workers, "without their own entry"
+        )
     rows = []
-    for job in every:
-        if job.name not in done(_answers(folders)):
+    for name, case in every.items():
+        if name not in done(_answers(folders)):
             continue  # reported to have failed
-        case = _case(folders, job.name)
         hidden = case.effects[0]
-        blind = BlindAnswer.of_diagnosis(CaseAnswer.read(_answers(folders) / job.name / ANSWER))
+        blind = BlindAnswer.of_diagnosis(CaseAnswer.read(_answers(folders) / name / ANSWER))
         place = (hidden.effect, hidden.joint or WHOLE)
         rows.append(
             LeftOutRow(
-                case=job.name,
+                case=name,
                 hidden=place,
                 relative_magnitude=hidden.relative_magnitude,
                 outcome=became(place, blind, case.off),

@@ -7,7 +7,7 @@ import pytest
 
 from crane_benchmark import Folders, benchmark
 from crane_benchmark.answers.answer_cases import AnswerStatistics, CaseAnswer
-from crane_benchmark.benchmark import Batch
+from crane_benchmark.benchmark import Answering
 from crane_benchmark.cases.case import Simulator
 from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_benchmark.folders import new, read_json, write_json
@@ -94,10 +94,14 @@ def test_gates_are_calibrated_with_what_hides_nothing(capsys) -> None:
     assert "with --set calibration or independent_clean" in capsys.readouterr().err
 
 
-def crossed_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, *arguments: str) -> list[Batch]:
-    """The batches that a scoring of 16 cases would run."""
-    asked: list[Batch] = []
-    monkeypatch.setattr(benchmark, "run_batch", lambda batch: asked.append(batch) or 0)
+def crossed_with(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, *arguments: str
+) -> dict[int, tuple[Answering, ...]]:
+    """The answers of the batches that a scoring of 16 cases would run, by the first case."""
+    asked: dict[int, tuple[Answering, ...]] = {}
+    monkeypatch.setattr(
+        benchmark, "run_batch", lambda _, __, answers, first: asked.update({first: answers}) or 0
+    )
     monkeypatch.setattr(benchmark, "score", lambda *_: None)
     assert benchmark.main(["--cases", "16", "--out", str(tmp_path), *arguments]) == 0
     return asked
@@ -114,7 +118,7 @@ def primary_alone(record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_either_plant_is_scored_by_the_gates_of_the_other(
     primary_alone: Path, tmp_path: Path, monkeypatch, capsys
 ) -> None:
-    (only,) = crossed_with(monkeypatch, tmp_path, "--simulator", "independent")[0].answers
+    (only,) = crossed_with(monkeypatch, tmp_path, "--simulator", "independent")[0]
     assert only.thresholds is None  # those of the package, of the primary simulator
     independent = {
         case.name for case in cases(CaseSet.SCORING, 16) if case.simulator is Simulator.INDEPENDENT
@@ -126,9 +130,9 @@ def test_either_plant_is_scored_by_the_gates_of_the_other(
     gates = load_thresholds().gates.model_dump() | {"score_factor": 9.5}
     write_json(locked.INDEPENDENT_GATES, gates)
     write_json(primary_alone, read_json(primary_alone) | {"state": locked.state()})
-    first, second = crossed_with(monkeypatch, tmp_path)
-    assert (first.first, first.last, second.last) == (0, 8, 16)
-    by_package, by_independent = first.answers
+    asked = crossed_with(monkeypatch, tmp_path)
+    assert list(asked) == [0, 8]
+    by_package, by_independent = asked[0]
     assert by_package == only
     assert load_thresholds(by_independent.thresholds).gates.score_factor == 9.5
     assert len(by_independent.names or ()) == 8 and not independent & set(
@@ -137,7 +141,6 @@ def test_either_plant_is_scored_by_the_gates_of_the_other(
 
 
 def test_a_batch_answers_its_own_cases_alone(tmp_path: Path, monkeypatch) -> None:
-    """Other workers of a cluster make and answer theirs in the same folders."""
     stages: list[list[str]] = []
     monkeypatch.setattr(
         benchmark, "stage", lambda name, *rest: stages.append([name, *map(str, rest[2:])]) or 0
@@ -147,7 +150,10 @@ def test_a_batch_answers_its_own_cases_alone(tmp_path: Path, monkeypatch) -> Non
     assert benchmark.main(words) == 0
     names = [case.name for case in cases(CaseSet.TUNING, 16)]
     made = [words for name, *words in stages if name == "make_cases"]
-    assert [words[words.index("--from") + 1] for words in made] == ["0", "8"]
+    assert [words[words.index("--from") :] for words in made] == [
+        ["--from", "0", "--to", "8"],
+        ["--from", "8", "--to", "16"],
+    ]
     answered = [words for name, *words in stages if name == "answer_cases"]
     assert [words[1:] for words in answered] == [names[:8], names[8:]]
 

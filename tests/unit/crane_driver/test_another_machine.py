@@ -15,7 +15,7 @@ from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import DriverLoop, JointSample
 from crane_driver.driver_parameters import driver_parameters
 from crane_driver.operator.bringup.estimates import EncoderResult, Rest, find_encoder
-from crane_driver.operator.bringup.results import EncoderTrace, draw_encoders
+from crane_driver.operator.bringup.pictures import EncoderTrace, draw_encoders
 from crane_driver.operator.jog.jog_node import JogParameters
 from crane_driver.safety.supervisor import Supervisor
 from crane_model import ConfigurationError, load_machine

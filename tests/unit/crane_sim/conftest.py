@@ -2,7 +2,7 @@
 
 import pytest
 
-from crane_model import Machine, load_machine
+from crane_model import ConfigurationError, Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim import SimulatedCrane, load_simulated_crane
 from crane_trajectory import load_trajectory
@@ -25,3 +25,14 @@ def simulated() -> SimulatedCrane:
 def trajectory() -> PeriodicTrajectory:
     """The packaged excitation of 20 s."""
     return load_trajectory(machine_file("excitation_20s.yaml"))
+
+
+@pytest.fixture(scope="session")
+def opengl() -> None:
+    """Skips where this machine cannot draw without a display."""
+    from crane_sim.drawing.scene import gl_context
+
+    try:
+        gl_context(320, 200).free()
+    except ConfigurationError as error:
+        pytest.skip(str(error))

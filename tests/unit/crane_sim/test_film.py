@@ -8,10 +8,9 @@ from PIL import Image, ImageChops
 
 from crane_bags import BagWriter
 from crane_bags.types import JOINT_REFERENCE, JOINT_STATES
-from crane_model import ConfigurationError, DataError, Machine
+from crane_model import DataError, Machine
 from crane_sim.drawing import film
 from crane_sim.drawing.film import LEFT, RIGHT, Shot, Strip, shot
-from crane_sim.drawing.scene import gl_context
 
 SIZE = (240, 200)
 SECONDS, STEP = 4.0, 0.01
@@ -109,15 +108,6 @@ def test_wrong_requests_are_explained(
     assert film.main(["--bag", str(bag), *words]) == 1
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-
-
-@pytest.fixture(scope="module")
-def opengl() -> None:
-    """Skips where this machine cannot draw without a display."""
-    try:
-        gl_context(*SIZE).free()
-    except ConfigurationError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="module")

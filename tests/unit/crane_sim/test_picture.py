@@ -19,15 +19,6 @@ SIZE = (320, 200)
 
 
 @pytest.fixture(scope="module")
-def opengl() -> None:
-    """Skips where this machine cannot draw without a display."""
-    try:
-        gl_context(*SIZE).free()
-    except ConfigurationError as error:
-        pytest.skip(str(error))
-
-
-@pytest.fixture(scope="module")
 def scene(opengl: None, simulated: SimulatedCrane, machine: Machine) -> Scene:
     return Scene(simulated, machine, *(FINENESS * side for side in SIZE))
 

@@ -10,14 +10,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import yaml
-from matplotlib.figure import Figure
 
 from crane_driver import constants
-from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import PositionSignal
 from crane_driver.driver_parameters import MAPPING
 from crane_driver.operator.bringup.crane_client import CraneClient
@@ -28,6 +26,11 @@ from crane_model.errors import CraneError, DataError
 from crane_nodes.joint_notes import JointNote
 from crane_nodes.managed import Stop
 from crane_nodes.parameters import NodeParameter
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from crane_driver.can.layout import Layout
 
 Parameters = Mapping[NodeParameter, str | bool | float]
 """All parameters of the driver and their values."""
@@ -185,7 +188,7 @@ class Bench:
     mapping: Path  # that the driver runs with
     driver: Parameters  # with which the driver runs
     positions: Mapping[str, PositionSignal]  # of that mapping
-    layout: Layout
+    layout: "Layout"
     units: Mapping[str, str]  # of all joints of the machine
     notes: Mapping[str, JointNote]  # of them as well
     joints: tuple[str, ...]  # to be measured
@@ -232,7 +235,7 @@ class Bench:
         return ramp(mover)
 
     def finish(
-        self, step: str, results: Mapping[str, Any], figure: Figure, **protocol: float
+        self, step: str, results: Mapping[str, Any], figure: "Figure", **protocol: float
     ) -> Path:
         run = self.series.write(step, self.mapping, protocol, results, figure)
         self.terminal.say(f"result: {run}")

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.optimize import least_squares
 
 from crane_driver import constants
 from crane_model.errors import DataError
@@ -307,6 +305,9 @@ def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
 
     `DataError` if the joint did not move in that direction, or not as a valve moves it.
     """
+    from scipy.integrate import cumulative_trapezoid  # half a second to import
+    from scipy.optimize import least_squares
+
     turned = trace.turned(direction)
     time = turned.time - turned.time[0]
     position = turned.position - turned.position[0]
@@ -407,6 +408,8 @@ def fit_step(name: str, trace: Trace, beyond: float) -> StepFit:
 
     `DataError` if the joint did not follow as an integrator with lag does.
     """
+    from scipy.optimize import least_squares  # half a second to import
+
     time = trace.time - trace.time[0]
     position = trace.position - trace.position[0]
     displacement = float(abs(position[-1]))

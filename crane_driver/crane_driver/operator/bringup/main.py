@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import bus_settings, may_leave_computer
 from crane_driver.can.mapping import Mapping
 from crane_driver.driver_parameters import (
@@ -34,7 +33,6 @@ from crane_driver.operator.bringup.results import (
     STEPS,
     Series,
 )
-from crane_driver.operator.bringup.steps import dead_band, encoders, gains, pressures, valves
 from crane_model.cli import between, command_line, run
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
@@ -71,6 +69,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _measure(argv: Sequence[str], request: BringupRequest) -> None:
+    # Imported here: they take a second, and --help needs none of them.
+    from crane_driver.can.binding import load_layout
+    from crane_driver.operator.bringup.steps import dead_band, encoders, gains, pressures, valves
+
     with ros(argv) as stop:
         crane = CraneClient(stop)
         crane.connect()

@@ -28,17 +28,19 @@ from crane_driver.operator.bringup.estimates import (
     moved,
 )
 from crane_driver.operator.bringup.motion import Mover
-from crane_driver.operator.bringup.results import (
+from crane_driver.operator.bringup.pictures import (
     BAR_PA,
-    CONTROLLER_FILE,
-    DeadBands,
     EncoderTrace,
-    copy_changed,
     draw_dead_bands,
     draw_encoders,
     draw_gains,
     draw_pressures,
     draw_valves,
+)
+from crane_driver.operator.bringup.results import (
+    CONTROLLER_FILE,
+    DeadBands,
+    copy_changed,
     significant,
 )
 from crane_model.configuration import read_yaml

@@ -253,16 +253,6 @@ KNOWING = (
 )
 
 
-@dataclass(frozen=True)
-class AnsweringJob:
-    """A case, the folders of its set, and the thresholds."""
-
-    name: str
-    folders: Folders
-    thresholds: Thresholds
-    keep: bool
-
-
 def blindfold(folders: Folders) -> None:
     """See bags and answers of the set alone, and none of the code that knows what is hidden."""
     visible = [folders.bags, folders.answers, folders.scores / "unfinished" / folders.answers.name]
@@ -291,18 +281,18 @@ def answered(folder: Path, thresholds: Thresholds, out: Path) -> CaseAnswer:
     return said
 
 
-def answer_case(job: AnsweringJob) -> None:
+def answer_case(folders: Folders, thresholds: Thresholds, keep: bool, name: str) -> None:
     """The diagnosis of one case, the answers of the other methods, and the time it took."""
-    folder = job.folders.bags / job.name
-    with new(job.folders.answers / job.name) as out:
+    folder = folders.bags / name
+    with new(folders.answers / name) as out:
         try:
-            said = answered(folder, job.thresholds, out)
+            said = answered(folder, thresholds, out)
         except CraneError as error:  # recordings are refused: that is an answer
             said = refused(error)
         except Exception:  # the other cases go on; this one counts as wrong
             said = CaseAnswer(verdict=CRASH, reason=traceback.format_exc())
         said.write(out / ANSWER)
-    if not job.keep:
+    if not keep:
         shutil.rmtree(folder)
 
 
@@ -349,11 +339,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     folders = Folders(arguments.folder, arguments.round)
     there = done(folders.bags) if arguments.only is None else {*arguments.only} & done(folders.bags)
-    waiting = sorted(there - done(folders.answers))
+    waiting = {name: name for name in sorted(there - done(folders.answers))}
     thresholds = load_thresholds(arguments.thresholds)
-    jobs = [AnsweringJob(name, folders, thresholds, arguments.keep_bags) for name in waiting]
-    if jobs:
-        in_processes(answer_case, jobs, arguments.workers, "answers", partial(blindfold, folders))
+    if waiting:
+        answer = partial(answer_case, folders, thresholds, arguments.keep_bags)
+        in_processes(answer, waiting, arguments.workers, "answers", partial(blindfold, folders))
     return 0
 
 

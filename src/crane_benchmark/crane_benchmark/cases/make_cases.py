@@ -3,7 +3,8 @@
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,38 +41,25 @@ SETS = 2  # of three motions to train on
 REDRAWN = 4  # times as many, with other effects
 
 
-@dataclass(frozen=True)
-class MakingJob:
-    """A case and where its set lies."""
-
-    case: Case
-    folders: Folders
-
-    @property
-    def name(self) -> str:
-        return self.case.name
-
-
-def make_case(job: MakingJob) -> None:
+def make_case(folders: Folders, asked: Case) -> None:
     """Bags, the model to diagnose, and the sealed truth of one case.
 
     Motions on which the machine cannot carry what is to be hidden are drawn anew; what no motion
     shows, as the cushioning of an end where the boom cannot get, makes way for other effects.
     """
-    case = job.case
+    case = asked
     for attempt in range(REDRAWN * DRAW_ATTEMPTS):
         if attempt and attempt % DRAW_ATTEMPTS == 0:
-            case = with_others(job.case, attempt)
+            case = with_others(asked, attempt)
         try:
-            _make(replace(job, case=case), attempt)
+            _make(folders, case, attempt)
             return
         except CraneError as error:
             reason = error
     raise reason
 
 
-def _make(job: MakingJob, attempt: int) -> None:
-    case, folders = job.case, job.folders
+def _make(folders: Folders, case: Case, attempt: int) -> None:
     entropy = np.random.SeedSequence([20261121, *case.seed, attempt])
     of_machine, of_motions, of_effects, of_sensors, of_session = (
         int(sequence.generate_state(1)[0]) for sequence in entropy.spawn(5)
@@ -175,9 +163,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         wanted = [case for case in wanted if case.simulator is arguments.simulator]
     if arguments.quick:
         wanted = [case.model_copy(update={"excitation": Richness.POOR}) for case in wanted]
-    jobs = [MakingJob(case, folders) for case in wanted if case.name not in there]
-    if jobs:
-        in_processes(make_case, jobs, arguments.workers, "bags")
+    waiting = {case.name: case for case in wanted if case.name not in there}
+    if waiting:
+        in_processes(partial(make_case, folders), waiting, arguments.workers, "bags")
     return 0
 
 

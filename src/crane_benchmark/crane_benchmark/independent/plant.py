@@ -127,11 +127,6 @@ class IndependentPlant:
         return float(self._state.supply[0])
 
     @property
-    def injected_count(self) -> int:
-        """How many hidden effects act in the plant."""
-        return len(self._hidden.law)
-
-    @property
     def injected_force(self) -> np.ndarray:
         """(k, j) what each hidden effect asked of the drives in the last step [N m, N]."""
         return self._hidden.part.copy()

@@ -1,50 +1,15 @@
 """Faults of sensors of the other make: three of each effect of the catalogue, and of others."""
 
-from collections.abc import Callable
 from itertools import groupby
 
 import numpy as np
 from scipy.signal import lfilter
 
 from crane_benchmark.independent.effects import FORCE_FORMS, FRICTION_FORMS
-from crane_model.machine import Machine
-from crane_sim.effects.form import Draw, Form, Magnitude, SensorFault, Where
-from crane_sim.effects.sensing import BothTransducers, EncoderFault, OneTransducer, Shown
+from crane_sim.effects.form import Draw, Form, Magnitude, Where
+from crane_sim.effects.sensing import of_both, of_chamber_a, of_encoder, of_neighbour
 
 FULL = 2.5e7  # Pa, of a transducer
-
-Reading = Callable[..., np.ndarray]
-"""From time (n,) [s], pressure (n,) [Pa] and the values of a form to what is shown (n,)."""
-
-
-def of_chamber_a(reading: Reading) -> type[SensorFault]:
-    """The fault of the transducer of chamber A that shows this."""
-
-    class Fault(OneTransducer):
-        def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-            return reading(time, pressure, *self.values)
-
-    return Fault
-
-
-def of_both(reading: Reading) -> type[SensorFault]:
-    """The fault of the transducers of both chambers that show this."""
-
-    class Fault(BothTransducers):
-        def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-            return reading(time, pressure, *self.values)
-
-    return Fault
-
-
-def of_encoder(error: Callable[..., np.ndarray]) -> type[SensorFault]:
-    """The fault of an encoder with this error, by position and the values of a form."""
-
-    class Fault(EncoderFault):
-        def error(self, q: np.ndarray) -> np.ndarray:
-            return error(q, *self.values)
-
-    return Fault
 
 
 def _two_delays(time: np.ndarray, pressure: np.ndarray, delay: float, share: float) -> np.ndarray:
@@ -58,38 +23,6 @@ def _lagging(time: np.ndarray, pressure: np.ndarray, lag: float) -> np.ndarray:
     step = float(np.median(np.diff(time)))
     keep = lag / (lag + step)
     return np.asarray(lfilter([1.0 - keep], [1.0, -keep], pressure, zi=[keep * pressure[0]])[0])
-
-
-class Neighbour(SensorFault):
-    """A channel of chamber B that picks up what another joint's transducers show."""
-
-    def __init__(self, machine: Machine, joint: str, values: tuple[float, ...]):
-        super().__init__(machine, joint, values)
-        place = self.measured.index(self.column)
-        self.other = self.measured[place - 1]
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        shown = chamber_b.copy()
-        shown[:, self.column] += self.values[0] * self.heard(time, chamber_a, chamber_b)
-        return chamber_a, shown
-
-    def heard(self, time: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return a[:, self.other]
-
-
-class NeighbourChanges(Neighbour):
-    """By the capacity between two cables: changes alone."""
-
-    def heard(self, time: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        signal = b[:, self.other]
-        return signal - _lagging(time, signal, self.values[1])
-
-
-class NeighbourDifference(Neighbour):
-    """By a ground that both transducers of the joint before share."""
-
-    def heard(self, time: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return a[:, self.other] - b[:, self.other]
 
 
 _OFFSET = Magnitude("offset", "Pa", 5e4, 3e6)
@@ -159,10 +92,15 @@ READING_FORMS = (
          of_chamber_a(lambda time, p, bow, knee:
                       p - bow * (np.maximum(p, 0.0) / (2.0 * knee)) ** 3),
          _BOW, (Draw("knee", "Pa", 4e6, 8e6),), outside=True),
-    Form("crosstalk", "before", Neighbour, _PICKED_UP, outside=True, signed=True),
-    Form("crosstalk", "changes", NeighbourChanges, _PICKED_UP, (Draw("over", "s", 0.3, 2.0),),
+    Form("crosstalk", "before", of_neighbour(1, -1, lambda time, a, b: a), _PICKED_UP,
          outside=True, signed=True),
-    Form("crosstalk", "difference", NeighbourDifference, _PICKED_UP, outside=True, signed=True),
+    # changes alone, by the capacity between two cables
+    Form("crosstalk", "changes",
+         of_neighbour(1, -1, lambda time, a, b, over: b - _lagging(time, b, over)),
+         _PICKED_UP, (Draw("over", "s", 0.3, 2.0),), outside=True, signed=True),
+    # by a ground that both transducers share
+    Form("crosstalk", "difference", of_neighbour(1, -1, lambda time, a, b: a - b), _PICKED_UP,
+         outside=True, signed=True),
 )  # fmt: skip
 
 # All laws of all effects that a machine of the other make can hide: three of each effect.

@@ -201,8 +201,7 @@ def lose_encoder(
         for name in reversed(OBSERVERS):
             suite.stop(name)
         stop(suite)
-    answer = fault_answer(run.bag(use), joint, at)
-    return LostEncoder(joint=joint, **answer._asdict())
+    return fault_answer(run.bag(use), joint, at)
 
 
 class Told(NamedTuple):
@@ -228,15 +227,7 @@ def told(bag: Path, topic: Topic, values: Callable[[Any], Sequence[float]]) -> T
     return Told(np.array(stamps, dtype=np.int64), np.array(found, dtype=float))
 
 
-class FaultAnswer(NamedTuple):
-    """How the suite answered a fault in motion."""
-
-    named_by: str  # node that named the sensor first
-    seconds_to_name: float
-    seconds_to_neutral: float  # until all valves were commanded neutral
-
-
-def fault_answer(bag: Path, joint: str, at: int) -> FaultAnswer:
+def fault_answer(bag: Path, joint: str, at: int) -> LostEncoder:
     """Return who named the encoder of a joint that failed `at` [ns], and when, by a recording."""
     fault = DriverState.STATE_FAULT
     names = {
@@ -248,7 +239,12 @@ def fault_answer(bag: Path, joint: str, at: int) -> FaultAnswer:
     named = {node: _first(says, at) for node, says in names.items()}
     by = min(named, key=lambda node: named[node])
     neutral = told(bag, VALVE_OUTPUT, lambda sent: [not sent.command.any()])
-    return FaultAnswer(by, (named[by] - at) / NANOSECONDS, (_first(neutral, at) - at) / NANOSECONDS)
+    return LostEncoder(
+        joint=joint,
+        named_by=by,
+        seconds_to_name=(named[by] - at) / NANOSECONDS,
+        seconds_to_neutral=(_first(neutral, at) - at) / NANOSECONDS,
+    )
 
 
 def _first(of: Told, since: int) -> float:

@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -31,32 +31,24 @@ from crane_model.terms.term import Load
 NAMED = (Judgement.RIGHT, Judgement.TOO_WIDE, Judgement.PARTLY)  # where effects are named
 
 
-@dataclass(frozen=True)
-class ScoringJob:
-    """A case that is answered."""
-
-    name: str
-    folders: Folders
-
-
-def score_case(job: ScoringJob) -> None:
+def score_case(folders: Folders, name: str) -> None:
     """One row of the results, written beside the others."""
-    sealed, given = job.folders.sealed / job.name, job.folders.answers / job.name
+    sealed, given = folders.sealed / name, folders.answers / name
     truth, model = load_truth(sealed), load_model(sealed / "model.yaml")
     said = CaseAnswer.read(given / ANSWER)
     answers = {OURS: BlindAnswer.of_diagnosis(said)}
-    answers |= {name: BlindAnswer.of_names(names) for name, names in said.others.items()}
+    answers |= {method: BlindAnswer.of_names(names) for method, names in said.others.items()}
     explains = partial(truth.explains, model)
     above_noise = truth.above_noise(model)
     outcomes = {
-        name: judge(truth.case.kind, truth.places, answer, explains, above_noise, truth.case.off)
-        for name, answer in answers.items()
+        method: judge(truth.case.kind, truth.places, answer, explains, above_noise, truth.case.off)
+        for method, answer in answers.items()
     }
     gap = truth.gap(model)
     found = said.findings
     named = found if truth.places and outcomes[OURS] in NAMED else None
     row = CaseRow(
-        case=job.name,
+        case=name,
         kind=truth.case.kind,
         simulator=truth.case.simulator,
         world=truth.case.world,
@@ -79,7 +71,7 @@ def score_case(job: ScoringJob) -> None:
         closed=_closed(truth, model, given, named) if named and named.findings else None,
         closed_by_learner=_learnt(found, gap) if found and truth.places else None,
     )
-    with new(job.folders.rows / job.name) as out:
+    with new(folders.rows / name) as out:
         row.write(out / ROW)
 
 
@@ -120,9 +112,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     folders = Folders(arguments.folder, arguments.round)
     answered = sorted(done(folders.answers) & done(folders.sealed))
-    waiting = [ScoringJob(name, folders) for name in answered if name not in done(folders.rows)]
+    waiting = {name: name for name in answered if name not in done(folders.rows)}
     if waiting:
-        in_processes(score_case, waiting, arguments.workers, "scores")
+        in_processes(partial(score_case, folders), waiting, arguments.workers, "scores")
     scored = [CaseRow.read(folders.rows / name / ROW) for name in sorted(done(folders.rows))]
     found, thresholds = summary(scored), locked.digest(locked.state())
     simulators = by_simulator(scored)

@@ -280,12 +280,10 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         "damping": Shape(0.03, 0.3, "1", 2, "share of critical damping"),
     }
 
+    symbols = (Parameter("J_flexible", "{inertia}", 0.0, "inertia that takes part in the bending"),)
+
     frequency: float = Field(gt=0)
     damping: float = Field(gt=0, lt=1)
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        unit = "kg m2" if setting.units[self.joint] == "rad" else "kg"
-        return (Parameter("J_flexible", unit, 0.0, "inertia that takes part in the bending"),)
 
     def start(self, record: Record, setting: Setting) -> Array:
         bend = self._bend(setting)

@@ -78,9 +78,7 @@ class PressureGain(ForceScale):
         usual=USUAL_SCALE_ERROR,
         largest=MAX_SCALE_ERROR,
     )
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        return (Parameter("gain", "1", None, "share by which the force is measured too large"),)
+    symbols = (Parameter("gain", "1", None, "share by which the force is measured too large"),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         return self.scaled(record, setting, j)

@@ -136,14 +136,12 @@ class CyclicFriction(OneJointTerm):
         )
     }
 
-    wave: float = Field(gt=0)
+    symbols = (
+        Parameter("f_sin", "{force}", None, "sine part of the wave of Coulomb friction"),
+        Parameter("f_cos", "{force}", None, "cosine part of the wave of Coulomb friction"),
+    )
 
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        force = setting.force_unit(self.joint)
-        return (
-            Parameter("f_sin", force, None, "sine part of the wave of Coulomb friction"),
-            Parameter("f_cos", force, None, "cosine part of the wave of Coulomb friction"),
-        )
+    wave: float = Field(gt=0)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         phase = self.wave * record.position[:, j]

@@ -19,10 +19,12 @@ from crane_model.terms.term import Parameter, Setting, Term
 class OneJointTerm(Term):
     """A term on a single joint, with any number of parameters: its `symbols`, without the joint.
 
-    In their units {coordinate}, {force} and {inertia} stand for those of the joint.
+    In their units {coordinate}, {force} and {inertia} stand for those of the joint. A term that is
+    `of_cylinder` needs a machine with a cylinder there.
     """
 
     symbols: ClassVar[tuple[Parameter, ...]] = ()
+    of_cylinder: ClassVar[bool] = False
 
     joint: str
 
@@ -36,6 +38,8 @@ class OneJointTerm(Term):
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """The parameters, without the joint in their names."""
+        if self.of_cylinder:
+            cylinder_machine(self, setting, self.joint)
         units = setting.units[self.joint], setting.force_unit(self.joint)
         return tuple(symbol.in_units(*units) for symbol in self.symbols)
 

@@ -76,6 +76,7 @@ def led(term: OneJointTerm, record: Record, arm: Array, lead: float) -> Array:
     return arm * (record.shifted(force / arm, lead) - force / arm)
 
 
+TOO_LARGE = "share by which the pressure of chamber {} is measured too large"
 ANGLE_STEP_RAD = 1e-4  # of the difference with respect to an angle
 
 
@@ -101,10 +102,8 @@ class PressureOffset(OneJointTerm):
         "readings of the transducers at zero pressure",
         follows=("position",),
     )
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        cylinder_machine(self, setting, self.joint)
-        return (Parameter("dp", "Pa", None, "reading of the transducer of chamber A at 0 Pa"),)
+    of_cylinder = True
+    symbols = (Parameter("dp", "Pa", None, "reading of the transducer of chamber A at 0 Pa"),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         machine = cylinder_machine(self, setting, self.joint)
@@ -137,8 +136,7 @@ class ChamberGain(OneJointTerm):
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         unit = gain_unit(setting, self.joint)
-        meaning = "share by which the pressure of chamber B is measured too large"
-        return (Parameter("gain_B", unit, None, meaning),)
+        return (Parameter("gain_B", unit, None, TOO_LARGE.format("B")),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         return -chamber_forces(self, record, setting, self.joint)[:, 1]
@@ -170,11 +168,8 @@ class ChamberAGain(ForceScale):
         usual=USUAL_SCALE_ERROR,
         largest=MAX_SCALE_ERROR,
     )
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        cylinder_machine(self, setting, self.joint)
-        meaning = "share by which the pressure of chamber A is measured too large"
-        return (Parameter("gain_A", "1", None, meaning),)
+    of_cylinder = True
+    symbols = (Parameter("gain_A", "1", None, TOO_LARGE.format("A")),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         in_b = chamber_forces(self, record, setting, self.joint)[:, 1]
@@ -247,10 +242,9 @@ class TimeSkew(OneJointTerm):
     )
     shapes = {"lead": Shape(0.01, 0.3, "s", 4, "time over which the force is taken to change")}
 
-    lead: float = Field(default=0.0, ge=0)
+    symbols = (Parameter("delay", "s", None, "time by which pressures lag behind positions"),)
 
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        return (Parameter("delay", "s", None, "time by which pressures lag behind positions"),)
+    lead: float = Field(default=0.0, ge=0)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         arm = lever(setting, self.joint, record)
@@ -282,11 +276,12 @@ class PressureDrift(OneJointTerm):
         law_of="pressure_offset",
         follows=("time", "position"),
     )
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        cylinder_machine(self, setting, self.joint)
-        meaning = "drift of the reading of the transducer of chamber A at 0 Pa"
-        return (Parameter("dp_drift", "Pa/s", None, meaning),)
+    of_cylinder = True
+    symbols = (
+        Parameter(
+            "dp_drift", "Pa/s", None, "drift of the reading of the transducer of chamber A at 0 Pa"
+        ),
+    )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         offset = PressureOffset(joint=self.joint).joint_columns(record, setting, j)
@@ -306,11 +301,8 @@ class ChamberGainDrift(ForceScale):
         law_of="chamber_gain",
         follows=("time", "pressure of chamber B", "force"),
     )
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        cylinder_machine(self, setting, self.joint)
-        meaning = "drift of the share by which the pressure of chamber A is measured too large"
-        return (Parameter("gain_A_drift", "1/s", None, meaning),)
+    of_cylinder = True
+    symbols = (Parameter("gain_A_drift", "1/s", None, f"drift of the {TOO_LARGE.format('A')}"),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         gain = ChamberAGain(joint=self.joint, bodies=self.bodies)
@@ -332,18 +324,11 @@ class BentReading(OneJointTerm):
     type: Literal["bent_reading"] = "bent_reading"
     family = "sensing"
     unlisted_signature = "a force that bends with the pressure of a chamber"
-
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        cylinder_machine(self, setting, self.joint)
-        return tuple(
-            Parameter(
-                f"bend_{chamber}",
-                "1",
-                None,
-                f"share by which the pressure of chamber {chamber} is measured too large at 10 MPa",
-            )
-            for chamber in "AB"
-        )
+    of_cylinder = True
+    symbols = tuple(
+        Parameter(f"bend_{chamber}", "1", None, f"{TOO_LARGE.format(chamber)} at 10 MPa")
+        for chamber in "AB"
+    )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         forces = chamber_forces(self, record, setting, self.joint) * [1.0, -1.0]
@@ -438,14 +423,12 @@ class VelocityLag(OneJointTerm):
         "speed": Shape(3e-3, 0.1, "rad/s or m/s", 5, "speed below which the estimate is wrong")
     }
 
-    speed: float = Field(gt=0)
+    symbols = (
+        Parameter("flat", "{force}", None, "friction misplaced by an error along the velocity"),
+        Parameter("late", "{force} s2/{coordinate}", None, "friction misplaced by a delay"),
+    )
 
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        force, unit = setting.force_unit(self.joint), setting.units[self.joint]
-        return (
-            Parameter("flat", force, None, "friction misplaced by an error along the velocity"),
-            Parameter("late", f"{force} s2/{unit}", None, "friction misplaced by a delay"),
-        )
+    speed: float = Field(gt=0)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         ratio = record.velocity[:, j] / self.speed

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from crane_model.actuators import (
     DirectCylinder,
@@ -62,6 +61,8 @@ def plate(
     material: Material = Material.PAINT,
 ) -> None:
     """A plate in the plane of x and z, `low` to `high` to the side [m]: the hull of some discs."""
+    from scipy.spatial import ConvexHull  # a quarter of a second to import
+
     circle = np.stack([np.cos(_CORNERS), np.sin(_CORNERS)], axis=1)
     points = np.concatenate([np.array([x, z]) + radius * circle for x, z, radius in discs])
     outline = points[ConvexHull(points).vertices]  # counter-clockwise

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from PIL import Image, ImageDraw
 
 from crane_bags.reader import TopicData, namespace_of, read_topics
@@ -126,6 +125,8 @@ class Strip:
 
 
 def _drawn(shot: Shot, machine: Machine, width: int, height: int) -> Image.Image:
+    from matplotlib.figure import Figure  # half a second to import
+
     figure = Figure(
         (width / DOTS_PER_INCH, height / DOTS_PER_INCH),
         dpi=STRIP_FINENESS * DOTS_PER_INCH,

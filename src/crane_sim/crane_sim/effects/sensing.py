@@ -1,7 +1,6 @@
 """Injected faults of sensors: zeros, gains, delays, and the small flaws of every machine."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numba import njit
@@ -29,292 +28,91 @@ DRIFT_RAD_S = 0.5
 ECCENTRICITY_RAD = (5e-5, 2e-4)  # 1 to 4 counts of an encoder
 
 
-# Transducers: zeros, gains, nonlinearity.
+Reading = Callable[..., np.ndarray]
+"""From time (n,) [s], pressure (n,) [Pa] and the values of a form to what is shown (n,)."""
 
 
-class OneTransducer(SensorFault, ABC):
-    """A fault of the transducer of chamber A."""
+def of_transducers(a: Reading, b: Reading) -> type[SensorFault]:
+    """The fault of the transducers of a joint that show this of chambers A and B."""
 
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        shown = chamber_a.copy()
-        shown[:, self.column] = self.shown(time, chamber_a[:, self.column])
-        return shown, chamber_b
+    class Fault(SensorFault):
+        def pressures(
+            self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+        ) -> Shown:
+            shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
+            shown_a[:, self.column] = a(time, chamber_a[:, self.column], *self.values)
+            shown_b[:, self.column] = b(time, chamber_b[:, self.column], *self.values)
+            return shown_a, shown_b
 
-    @abstractmethod
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Reading of a pressure (n,) [Pa]."""
+    return Fault
 
 
-class BothTransducers(SensorFault, ABC):
-    """A fault of the transducers of both chambers, the same in each."""
+def _true(time: np.ndarray, pressure: np.ndarray, *values: float) -> np.ndarray:
+    return pressure
 
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
-        shown_a[:, self.column] = self.shown(time, chamber_a[:, self.column])
-        shown_b[:, self.column] = self.shown(time, chamber_b[:, self.column])
-        return shown_a, shown_b
 
-    @abstractmethod
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Readings of both for a pressure (n,) [Pa]."""
+def of_chamber_a(reading: Reading) -> type[SensorFault]:
+    """The fault of the transducer of chamber A that shows this."""
+    return of_transducers(reading, _true)
 
 
-class Zero(OneTransducer):
-    """A zero that has been lost, and comes back a little as the transducer warms up."""
+def of_chamber_b(reading: Reading) -> type[SensorFault]:
+    """The fault of the transducer of chamber B that shows this."""
+    return of_transducers(_true, reading)
 
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        offset, recovery, warming = self.values
-        gone = recovery * (1.0 - np.exp(-time / warming))
-        return pressure + offset * (1.0 - gone)
 
+def of_both(reading: Reading) -> type[SensorFault]:
+    """The fault of the transducers of both chambers that show this."""
+    return of_transducers(reading, reading)
 
-class DriftingZero(OneTransducer):
-    """A zero that goes on drifting."""
 
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        offset, drift = self.values
-        return pressure + offset * (1.0 + drift * time / MINUTE_S)
+def of_encoder(error: Callable[..., np.ndarray]) -> type[SensorFault]:
+    """The fault of an encoder with this error, by position (...,) and the values of a form."""
 
+    class Fault(SensorFault):
+        def positions(self, q: np.ndarray) -> np.ndarray:
+            shown = q.copy()
+            shown[..., self.column] += error(q[..., self.column], *self.values)
+            return shown
 
-class OverloadedZero(OneTransducer):
-    """A zero that was lost by an overload, which shows less the higher the pressure."""
+    return Fault
 
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        offset, stiff = self.values
-        return pressure + offset / (1.0 + np.maximum(pressure, 0.0) / stiff)
 
+def of_neighbour(chamber: int, step: int, heard: Reading) -> type[SensorFault]:
+    """The channel of chamber A (0) or B (1) that picks up a share of the joint `step` further.
 
-class Bow(OneTransducer):
-    """A characteristic that is bent in between its two calibrated ends."""
+    `heard` is from time, pressures of A and B there and the values after the share.
+    """
 
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        bow, span = self.values
-        ratio = pressure / span
-        return pressure + 4.0 * bow * ratio * (1.0 - ratio)
+    class Fault(SensorFault):
+        def pressures(
+            self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
+        ) -> Shown:
+            place = self.measured.index(self.column) + step
+            other = self.measured[place % len(self.measured)]
+            share, *values = self.values
+            shown = chamber_a.copy(), chamber_b.copy()
+            shown[chamber][:, self.column] += share * heard(
+                time, chamber_a[:, other], chamber_b[:, other], *values
+            )
+            return shown
 
+    return Fault
 
-class CubicBow(OneTransducer):
-    """A characteristic bent both ways between its ends."""
 
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        bow, span = self.values
-        ratio = pressure / span
-        return pressure + 20.8 * bow * ratio * (1.0 - ratio) * (0.5 - ratio)
+# Readings that come late.
 
 
-class Knee(OneTransducer):
-    """A characteristic that goes on less steeply from some pressure."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        bow, knee, span = self.values
-        return pressure - bow * np.maximum(pressure - knee, 0.0) / (span - knee)
-
-
-class BothGains(BothTransducers):
-    """Both transducers of a cylinder, or its piston areas, off by one factor."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        (gain,) = self.values
-        return pressure * (1.0 + gain)
-
-
-class GainOfB(SensorFault):
-    """The transducer of chamber B off by a factor."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        (gain,) = self.values
-        shown = chamber_b.copy()
-        shown[:, self.column] *= 1.0 + gain
-        return chamber_a, shown
-
-
-class PressedGainOfB(SensorFault):
-    """The transducer of chamber B off by a factor that follows the pressure."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        gain, exponent = self.values
-        shown = chamber_b.copy()
-        ratio = np.maximum(chamber_b[:, self.column], 0.0) / REFERENCE_PRESSURE_PA
-        shown[:, self.column] += gain * REFERENCE_PRESSURE_PA * ratio**exponent
-        return chamber_a, shown
-
-
-class OpposedGains(SensorFault):
-    """The transducer of chamber B off by a factor, that of A by a part of it, the other way."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        gain, share = self.values
-        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
-        shown_a[:, self.column] *= 1.0 - share * gain
-        shown_b[:, self.column] *= 1.0 + gain
-        return shown_a, shown_b
-
-
-# Encoders: turned, off their centres, ill divided.
-
-
-class EncoderFault(SensorFault, ABC):
-    """A fault of an encoder that depends on the position."""
-
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        shown = q.copy()
-        shown[..., self.column] += self.error(q[..., self.column])
-        return shown
-
-    @abstractmethod
-    def error(self, q: np.ndarray) -> np.ndarray:
-        """Error of the reading at positions (...,) of the joint."""
-
-
-class Turned(EncoderFault):
-    """An encoder that was mounted a little turned."""
-
-    def error(self, q: np.ndarray) -> np.ndarray:
-        (offset,) = self.values
-        return np.full_like(q, offset)
-
-
-class Strained(EncoderFault):
-    """An encoder whose coupling was mounted turned and a little bent."""
-
-    def error(self, q: np.ndarray) -> np.ndarray:
-        offset, share, phase = self.values
-        return offset * (1.0 + share * np.sin(q + phase))
-
-
-class Slipped(EncoderFault):
-    """An encoder that was mounted turned, on a wheel of not quite the right size."""
-
-    def error(self, q: np.ndarray) -> np.ndarray:
-        offset, share = self.values
-        return offset * (1.0 + share * q)
-
-
-class Eccentric(EncoderFault):
-    """An encoder disk off its centre: an error that follows the sine of the angle."""
-
-    def error(self, q: np.ndarray) -> np.ndarray:
-        error, turns, phase = self.values
-        return error * np.sin(turns * q + phase)
-
-
-class TwoLobes(EncoderFault):
-    """A disk off its centre and not round."""
-
-    def error(self, q: np.ndarray) -> np.ndarray:
-        error, turns, phase, second = self.values
-        angle = turns * q + phase
-        return error * (np.sin(angle) + second * np.sin(2.0 * angle))
-
-
-class Graduation(EncoderFault):
-    """A disk whose lines were divided with an error that builds up and jumps back."""
-
-    def error(self, q: np.ndarray) -> np.ndarray:
-        error, turns, phase = self.values
-        angle = turns * q + phase
-        return error * np.arctan2(np.sin(angle), 1.5 + np.cos(angle))
-
-
-# Readings of transducers: pulsation, crosstalk, delays.
-
-
-class Ripple(SensorFault):
-    """The pump's pulsation in both chambers, aliased by the sampling, slowly beating."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        ripple, frequency = self.values
-        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
-        phase = 2.0 * np.pi * frequency * time
-        beat = ripple * (1.0 + 0.3 * np.sin(0.9 * time))
-        shown_a[:, self.column] += beat * np.sin(phase)
-        shown_b[:, self.column] += 0.4 * beat * np.sin(phase - 1.0)
-        return shown_a, shown_b
-
-
-class WanderingRipple(SensorFault):
-    """As of a pump whose speed wanders: the pulsation is nowhere for long."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        ripple, frequency, wander = self.values
-        shown = chamber_a.copy()
-        phase = 2.0 * np.pi * frequency * (time + wander * np.sin(0.4 * time))
-        shown[:, self.column] += ripple * np.sin(phase)
-        return shown, chamber_b
-
-
-class TwoRipples(SensorFault):
-    """Two pumps, each with a line of its own, in both chambers."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        ripple, frequency, ratio = self.values
-        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
-        both = np.sin(2.0 * np.pi * frequency * time)
-        both = ripple * (both + 0.6 * np.sin(2.0 * np.pi * ratio * frequency * time + 1.0))
-        shown_a[:, self.column] += both
-        shown_b[:, self.column] -= 0.3 * both
-        return shown_a, shown_b
-
-
-class Crosstalk(SensorFault):
-    """A channel that picks up some of the next joint's."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        share = self.values[0]
-        following = self.measured.index(self.column) + 1
-        source = self.measured[following % len(self.measured)]
-        shown = chamber_a.copy()
-        shown[:, self.column] += share * chamber_b[:, source]
-        return shown, chamber_b
-
-
-class CrosstalkOfA(Crosstalk):
-    """A channel that picks up some of the like one of the next joint."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        return super().pressures(time, chamber_a, chamber_a)[0], chamber_b
-
-
-class SharedGround(Crosstalk):
-    """Channels of which one lifts the other's ground, more than in proportion."""
-
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> Shown:
-        lifted = (
-            REFERENCE_PRESSURE_PA
-            * (np.maximum(chamber_b, 0.0) / REFERENCE_PRESSURE_PA) ** self.values[1]
-        )
-        return super().pressures(time, chamber_a, lifted)[0], chamber_b
-
-
-class DelayedReadings(BothTransducers):
-    """Pressures that are stamped late: those of a moment before are shown."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        (delay,) = self.values
-        return np.interp(time - delay, time, pressure)
-
-
-class LaggingReadings(BothTransducers):
-    """A narrow line before the transducers: first order, with the same delay at low frequency."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        (lag,) = self.values
-        return _lagging(time, np.ascontiguousarray(pressure), lag)
-
-
-class AveragedReadings(BothTransducers):
-    """Readings that are means over a time, stamped late: a share of the delay is half that time."""
-
-    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        delay, share = self.values
-        steps = np.diff(time)
-        summed = np.append(0.0, np.cumsum((pressure[1:] + pressure[:-1]) / 2.0 * steps))
-        end = np.maximum(time - (1.0 - share) * delay, time[0])
-        begin = np.maximum(end - 2.0 * share * delay, time[0])
-        over = end - begin
-        mean = np.diff(np.interp(np.stack([begin, end]), time, summed), axis=0)[0]
-        mean /= np.where(over > 0.0, over, 1.0)
-        return np.where(over > 0.0, mean, pressure[0])
+def _averaged(time: np.ndarray, pressure: np.ndarray, delay: float, share: float) -> np.ndarray:
+    """Means over a time, stamped late: a share of the delay is half that time."""
+    steps = np.diff(time)
+    summed = np.append(0.0, np.cumsum((pressure[1:] + pressure[:-1]) / 2.0 * steps))
+    end = np.maximum(time - (1.0 - share) * delay, time[0])
+    begin = np.maximum(end - 2.0 * share * delay, time[0])
+    over = end - begin
+    mean = np.diff(np.interp(np.stack([begin, end]), time, summed), axis=0)[0]
+    mean /= np.where(over > 0.0, over, 1.0)
+    return np.where(over > 0.0, mean, pressure[0])
 
 
 @njit(cache=True)
@@ -330,7 +128,27 @@ def _lagging(time: np.ndarray, true: np.ndarray, lag: float) -> np.ndarray:
     return shown
 
 
+# Pulsation of pumps, aliased by the sampling.
+
+
+def _pumped(
+    time: np.ndarray, share: float, behind: float, ripple: float, frequency: float
+) -> np.ndarray:
+    """A share of that of one pump, slowly beating, some radians behind."""
+    beat = ripple * (1.0 + 0.3 * np.sin(0.9 * time))
+    return share * beat * np.sin(2.0 * np.pi * frequency * time - behind)
+
+
+def _two_pumps(time: np.ndarray, ripple: float, frequency: float, ratio: float) -> np.ndarray:
+    """Of two, each with a line of its own."""
+    both = np.sin(2.0 * np.pi * frequency * time)
+    return ripple * (both + 0.6 * np.sin(2.0 * np.pi * ratio * frequency * time + 1.0))
+
+
 # Flaws of the sensors of every machine: structured noise, no effect to be found.
+
+# a disk off its centre: an error that follows the sine of the angle
+ECCENTRIC = of_encoder(lambda q, error, turns, phase: error * np.sin(turns * q + phase))
 
 
 class PumpPulsation(SensorFault):
@@ -361,7 +179,7 @@ def drawn_flaws(machine: Machine, seed: int) -> tuple[SensorFault, ...]:
     chambers = np.stack([sizes, phases], axis=1).ravel()
     rate = rng.uniform(*PISTON_RATE_HZ)
     eccentric = [
-        Eccentric(machine, joint, (rng.uniform(*ECCENTRICITY_RAD), 1.0, rng.uniform(0, 2 * np.pi)))
+        ECCENTRIC(machine, joint, (rng.uniform(*ECCENTRICITY_RAD), 1.0, rng.uniform(0, 2 * np.pi)))
         for joint in joints
         if machine.units[joint] == "rad"
     ]
@@ -387,50 +205,104 @@ _DISK = (Draw("turns", "rad/{coordinate}", 6.0, 16.0), Draw("phase", "rad", 0.0,
 _PICKED_UP = Magnitude("share", "1", 0.02, 0.5)
 
 SENSING_FORMS = (
-    Form("pressure_offset", "warming", Zero, _OFFSET,
-         (Draw("recovery", "1", 0.0, 0.1), Draw("warming", "s", 30.0, 90.0)), signed=True),
-    Form("pressure_offset", "drifting", DriftingZero, _OFFSET,
-         (Draw("drift", "1/min", -0.1, 0.1),), signed=True),
-    Form("pressure_offset", "overloaded", OverloadedZero, _OFFSET,
-         (Draw("stiff", "Pa", 6e7, 2e8),), signed=True),
-    Form("pressure_gain", "both", BothGains, Magnitude("gain", "1", 0.02, 0.5),
-         signed=True),
-    Form("chamber_gain", "chamber_b", GainOfB, _GAIN_B, signed=True),
-    Form("chamber_gain", "pressed", PressedGainOfB, _GAIN_B,
-         (Draw("exponent", "1", 0.8, 1.2),), signed=True),
-    Form("chamber_gain", "opposed", OpposedGains, _GAIN_B,
-         (Draw("share", "1", 0.0, 0.5),), signed=True),
-    Form("encoder_offset", "turned", Turned, _TURNED, (), Where.TURNING, signed=True),
-    Form("encoder_offset", "strained", Strained, _TURNED,
-         (Draw("share", "1", 0.0, 0.2), Draw("phase", "rad", 0.0, 2 * np.pi)), Where.TURNING,
-         signed=True),
-    Form("encoder_offset", "slipped", Slipped, _TURNED, (Draw("share", "1", -0.1, 0.1),),
+    # comes back a little as the transducer warms up
+    Form("pressure_offset", "warming",
+         of_chamber_a(lambda time, p, offset, recovery, warming:
+                      p + offset * (1.0 - recovery * (1.0 - np.exp(-time / warming)))),
+         _OFFSET, (Draw("recovery", "1", 0.0, 0.1), Draw("warming", "s", 30.0, 90.0)), signed=True),
+    Form("pressure_offset", "drifting",
+         of_chamber_a(lambda time, p, offset, drift: p + offset * (1.0 + drift * time / MINUTE_S)),
+         _OFFSET, (Draw("drift", "1/min", -0.1, 0.1),), signed=True),
+    # lost by an overload: less the higher the pressure
+    Form("pressure_offset", "overloaded",
+         of_chamber_a(lambda time, p, offset, stiff:
+                      p + offset / (1.0 + np.maximum(p, 0.0) / stiff)),
+         _OFFSET, (Draw("stiff", "Pa", 6e7, 2e8),), signed=True),
+    # of both transducers, or of the piston areas
+    Form("pressure_gain", "both", of_both(lambda time, p, gain: p * (1.0 + gain)),
+         Magnitude("gain", "1", 0.02, 0.5), signed=True),
+    Form("chamber_gain", "chamber_b", of_chamber_b(lambda time, p, gain: p * (1.0 + gain)),
+         _GAIN_B, signed=True),
+    # follows the pressure
+    Form("chamber_gain", "pressed",
+         of_chamber_b(lambda time, p, gain, exponent:
+                      p + gain * REFERENCE_PRESSURE_PA
+                      * (np.maximum(p, 0.0) / REFERENCE_PRESSURE_PA) ** exponent),
+         _GAIN_B, (Draw("exponent", "1", 0.8, 1.2),), signed=True),
+    # of A by a part of that of B, the other way
+    Form("chamber_gain", "opposed",
+         of_transducers(lambda time, p, gain, share: p * (1.0 - share * gain),
+                        lambda time, p, gain, share: p * (1.0 + gain)),
+         _GAIN_B, (Draw("share", "1", 0.0, 0.5),), signed=True),
+    Form("encoder_offset", "turned", of_encoder(lambda q, offset: np.full_like(q, offset)),
+         _TURNED, (), Where.TURNING, signed=True),
+    # on a coupling that is a little bent
+    Form("encoder_offset", "strained",
+         of_encoder(lambda q, offset, share, phase: offset * (1.0 + share * np.sin(q + phase))),
+         _TURNED, (Draw("share", "1", 0.0, 0.2), Draw("phase", "rad", 0.0, 2 * np.pi)),
          Where.TURNING, signed=True),
-    Form("time_skew", "delay", DelayedReadings, Magnitude("delay", "s", 0.01, 0.2)),
-    Form("time_skew", "lag", LaggingReadings, Magnitude("lag", "s", 0.01, 0.2)),
-    Form("time_skew", "averaged", AveragedReadings, Magnitude("delay", "s", 0.01, 0.2),
+    # on a wheel of not quite the right size
+    Form("encoder_offset", "slipped",
+         of_encoder(lambda q, offset, share: offset * (1.0 + share * q)),
+         _TURNED, (Draw("share", "1", -0.1, 0.1),), Where.TURNING, signed=True),
+    # stamped late: of a moment before
+    Form("time_skew", "delay",
+         of_both(lambda time, p, delay: np.interp(time - delay, time, p)),
+         Magnitude("delay", "s", 0.01, 0.2)),
+    # a narrow line before the transducers, with the same delay at low frequency
+    Form("time_skew", "lag",
+         of_both(lambda time, p, lag: _lagging(time, np.ascontiguousarray(p), lag)),
+         Magnitude("lag", "s", 0.01, 0.2)),
+    Form("time_skew", "averaged", of_both(_averaged), Magnitude("delay", "s", 0.01, 0.2),
          (Draw("share", "1", 0.3, 1.0),)),
-    Form("crosstalk", "next_joint", Crosstalk, _PICKED_UP,
+    Form("crosstalk", "next_joint", of_neighbour(0, 1, lambda time, a, b: b), _PICKED_UP,
          outside=True, signed=True),
-    Form("crosstalk", "of_chamber_a", CrosstalkOfA, _PICKED_UP,
+    Form("crosstalk", "of_chamber_a", of_neighbour(0, 1, lambda time, a, b: a), _PICKED_UP,
          outside=True, signed=True),
-    Form("crosstalk", "shared_ground", SharedGround, _PICKED_UP,
-         (Draw("exponent", "1", 1.4, 2.4),), outside=True, signed=True),
-    Form("encoder_eccentricity", "disk", Eccentric, _ERROR, _DISK, Where.TURNING,
+    # one lifts the ground of the other, more than in proportion
+    Form("crosstalk", "shared_ground",
+         of_neighbour(0, 1, lambda time, a, b, exponent:
+                      REFERENCE_PRESSURE_PA
+                      * (np.maximum(b, 0.0) / REFERENCE_PRESSURE_PA) ** exponent),
+         _PICKED_UP, (Draw("exponent", "1", 1.4, 2.4),), outside=True, signed=True),
+    Form("encoder_eccentricity", "disk", ECCENTRIC, _ERROR, _DISK, Where.TURNING,
          outside=True),
-    Form("encoder_eccentricity", "two_lobes", TwoLobes, _ERROR,
-         (*_DISK, Draw("second", "1", 0.2, 0.6)), Where.TURNING, outside=True),
-    Form("encoder_eccentricity", "graduation", Graduation, _ERROR, _DISK, Where.TURNING,
-         outside=True),
-    Form("transducer_bow", "parabola", Bow, _BOW, (_SPAN,),
-         outside=True, signed=True),
-    Form("transducer_bow", "cubic", CubicBow, _BOW, (_SPAN,),
-         outside=True, signed=True),
-    Form("transducer_bow", "knee", Knee, _BOW, (Draw("knee", "Pa", 3e6, 6e6), _SPAN),
-         outside=True, signed=True),
-    Form("pressure_ripple", "pump", Ripple, _RIPPLE, (_RATE,), outside=True),
-    Form("pressure_ripple", "wandering", WanderingRipple, _RIPPLE,
-         (_RATE, Draw("wander", "s", 0.02, 0.1)), outside=True),
-    Form("pressure_ripple", "two_pumps", TwoRipples, _RIPPLE,
-         (_RATE, Draw("ratio", "1", 1.3, 2.2)), outside=True),
+    # off its centre and not round
+    Form("encoder_eccentricity", "two_lobes",
+         of_encoder(lambda q, error, turns, phase, second:
+                    error * (np.sin(turns * q + phase)
+                             + second * np.sin(2.0 * (turns * q + phase)))),
+         _ERROR, (*_DISK, Draw("second", "1", 0.2, 0.6)), Where.TURNING, outside=True),
+    # lines divided with an error that builds up and jumps back
+    Form("encoder_eccentricity", "graduation",
+         of_encoder(lambda q, error, turns, phase:
+                    error * np.arctan2(np.sin(turns * q + phase),
+                                       1.5 + np.cos(turns * q + phase))),
+         _ERROR, _DISK, Where.TURNING, outside=True),
+    # bent in between two calibrated ends: one way, both ways, or from a knee on
+    Form("transducer_bow", "parabola",
+         of_chamber_a(lambda time, p, bow, span: p + 4.0 * bow * (p / span) * (1.0 - p / span)),
+         _BOW, (_SPAN,), outside=True, signed=True),
+    Form("transducer_bow", "cubic",
+         of_chamber_a(lambda time, p, bow, span:
+                      p + 20.8 * bow * (p / span) * (1.0 - p / span) * (0.5 - p / span)),
+         _BOW, (_SPAN,), outside=True, signed=True),
+    Form("transducer_bow", "knee",
+         of_chamber_a(lambda time, p, bow, knee, span:
+                      p - bow * np.maximum(p - knee, 0.0) / (span - knee)),
+         _BOW, (Draw("knee", "Pa", 3e6, 6e6), _SPAN), outside=True, signed=True),
+    Form("pressure_ripple", "pump",
+         of_transducers(lambda time, p, *values: p + _pumped(time, 1.0, 0.0, *values),
+                        lambda time, p, *values: p + _pumped(time, 0.4, 1.0, *values)),
+         _RIPPLE, (_RATE,), outside=True),
+    # of a pump whose speed wanders: the pulsation is nowhere for long
+    Form("pressure_ripple", "wandering",
+         of_chamber_a(lambda time, p, ripple, frequency, wander:
+                      p + ripple * np.sin(2.0 * np.pi * frequency
+                                          * (time + wander * np.sin(0.4 * time)))),
+         _RIPPLE, (_RATE, Draw("wander", "s", 0.02, 0.1)), outside=True),
+    Form("pressure_ripple", "two_pumps",
+         of_transducers(lambda time, p, *values: p + _two_pumps(time, *values),
+                        lambda time, p, *values: p - 0.3 * _two_pumps(time, *values)),
+         _RIPPLE, (_RATE, Draw("ratio", "1", 1.3, 2.2)), outside=True),
 )  # fmt: skip

@@ -175,7 +175,7 @@ def record(
         [density[joint] for joint in joints], chain.equivalent_counts(joints)
     )
     position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(joints)))
-    force, flow = np.zeros((2, plant.injected_count, count, len(joints)))
+    force, flow = np.zeros((2, len(plant.injected_force), count, len(joints)))
     supply = np.empty(count)
     arrays, u = gains.arrays, np.zeros(len(joints))
     for k in progress(range(count)):
@@ -185,7 +185,7 @@ def record(
         plant.advance(spools, time - plant.time)
         q[k], v[k] = plant.q, plant.v
         a[k] = plant.acceleration
-        if plant.injected_count:
+        if len(force):
             force[:, k], flow[:, k] = plant.injected_force, plant.injected_flow
         p_a[k], p_b[k], supply[k] = plant.pressure_a, plant.pressure_b, plant.supply_pressure
         position[k] = sensors.positions(q[k], time)

@@ -321,8 +321,9 @@ class Plant:
 
     def set_magnitude(self, k: int, magnitude: float, *shape: float) -> None:
         """Set magnitude, and `shape` if given, of the k-th injected effect in the plant."""
-        if not 0 <= k < self.injected_count or self._injected is None:
-            raise RangeError(f"plant: no injected effect {k}; it has {self.injected_count}")
+        count = len(self.injected_force)
+        if not 0 <= k < count or self._injected is None:
+            raise RangeError(f"plant: no injected effect {k}; it has {count}")
         self._injected.value[k, : 1 + len(shape)] = magnitude, *shape
 
     @property
@@ -339,11 +340,6 @@ class Plant:
     def acceleration(self) -> np.ndarray:
         """(j,) mean over the last step [rad/s2, m/s2]; 0 before the first."""
         return (self._state.v - self._scratch.before) / self._step
-
-    @property
-    def injected_count(self) -> int:
-        """How many injected effects act in the plant."""
-        return 0 if self._injected is None else len(self._injected.law)
 
     @property
     def injected_flow(self) -> np.ndarray:

@@ -69,10 +69,6 @@ class RecordedMachine(MachineInMotion, Protocol):
         """(j,) rad/s2, m/s2."""
 
     @property
-    def injected_count(self) -> int:
-        """k."""
-
-    @property
     def injected_force(self) -> np.ndarray:
         """(k, j) what each injected effect asks of the drives [N m, N]."""
 

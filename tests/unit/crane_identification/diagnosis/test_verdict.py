@@ -89,7 +89,7 @@ def effect(
 def trial(*effects: Judged, energy: float = 1000.0, share: float = 0.0, left: float = 0.0) -> Trial:
     """What is left on the outer boom, and the share of it that a learner is sure of."""
     none, there = np.zeros(3), np.array([0.0, 1.0, 0.0])
-    learnt = Learnt(np.zeros((1, 3)), share * there, 1.0 - (share > 0.0) * there, 0.01 * there)
+    learnt = Learnt(share * there, 1.0 - (share > 0.0) * there, 0.01 * there)
     return Trial(
         effects=effects,
         zero=(),
