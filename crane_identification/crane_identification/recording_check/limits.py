@@ -51,6 +51,7 @@ LEAST_TRAINED = 20  # samples a coefficient, from which such an expectation can 
 ASKED = 0.3  # of the full command, beyond the dead band of valves
 ASKED_FOR = 1.0  # s
 ASKED_WAY = 0.01  # rad or m (or per s) of reference or velocity, which an encoder shows
+SHORTEST_STOP = 0.05  # s, in which a brake, a valve or a drive stops a joint
 MOST = (10, 90)  # percentiles of a signal between which its change counts
 
 # clocks
