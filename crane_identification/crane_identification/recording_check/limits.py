@@ -75,7 +75,6 @@ UNEXPLAINED = 0.35  # of the force, which no machine of the kind leaves
 ARM_BANDWIDTH = 10.0  # Hz
 SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
 SAME_LEFT = 1.1  # times as much may be left by the likelier mistake
-LEAST_STEP = 0.9  # of what was left, at most, if one more mistake is undone
 IMPERFECT = 0.015  # of the force unexplained, from which on units are compared
 LEAST_RATIO = 1.3  # of two factors that are units, and not what sensors or gears vary by
 SLOW = 0.05  # of a joint's highest speed; below, friction is anything between its branches
