@@ -135,17 +135,18 @@ class _Fit:
         """
         rows = self.joint == np.arange(len(self.scale))[:, np.newaxis]
         power = np.sqrt((rows * self.force**2).sum(axis=1))
-        power[power == 0.0] = 1.0
+        silent = power == 0.0
+        power[silent] = 1.0
         factor = np.ones(len(power))
         for _ in range(FACTOR_ROUNDS):  # the largest share of the forces that the model explains
             q = np.linalg.qr(basis.q / factor[self.joint, np.newaxis])[0]
             along = (rows * self.force) @ q / power[:, np.newaxis]
-            factor *= np.linalg.eigh(along @ along.T)[1][:, -1] / power
-            factor *= np.sign(factor.sum()) / np.sqrt(np.mean(factor**2))
-        force = factor[self.joint] * self.force
-        residual = (force - basis.predicted(force)) / factor[self.joint]
-        left = float(np.linalg.norm(residual) / np.linalg.norm(self.force))
-        return factor / factor[0], left
+            factor *= np.where(silent, 1.0, np.linalg.eigh(along @ along.T)[1][:, -1] / power)
+            factor /= np.sqrt(np.mean(factor**2))
+        force = factor[self.joint] * self.force  # or the opposite
+        residuals = (force - sign * basis.predicted(sign * force) for sign in (1.0, -1.0))
+        left = min(float(np.linalg.norm(residual / factor[self.joint])) for residual in residuals)
+        return factor / factor[0], left / float(np.linalg.norm(self.force))
 
 
 class _Basis(NamedTuple):

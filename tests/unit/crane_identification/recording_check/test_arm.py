@@ -101,8 +101,7 @@ def test_efforts_in_amperes_are_no_turned_sign(model: Model, good: Log) -> None:
     np.testing.assert_allclose(factors, ampere[0] / ampere, rtol=0.15)
 
 
-@pytest.mark.parametrize("j", range(6))
-@pytest.mark.parametrize("unit", [9.5, -9.5])
+@pytest.mark.parametrize(("j", "unit"), [(0, -9.5), (2, 9.5), (5, 9.5)])
 def test_one_effort_in_amperes_leaves_the_other_factors(
     model: Model, good: Log, j: int, unit: float
 ) -> None:
