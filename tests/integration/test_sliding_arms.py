@@ -158,6 +158,21 @@ def test_parameters_are_found_under_names_that_say_what_they_are(
     assert max(summary["heldout_relative_error"].values()) < 0.005
 
 
+@pytest.mark.parametrize(("factor", "cause"), [(-1.0, "axis 1: the sign"), (1 / 7, "axis 1 5.5")])
+def test_a_wrong_effort_is_named_though_the_slide_shares_no_parameter(
+    factor: float, cause: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the slide, any unit would fit; the wrist hardly tells its own."""
+    options, train = describe(tmp_path, SCARA), tmp_path / "train.csv"
+    lines = train.read_text().splitlines()
+    at = lines[0].split(",").index("f_1")
+    rows = np.loadtxt(lines[1:], delimiter=",")
+    rows[:, at] *= factor
+    np.savetxt(train, rows, "%.6f", delimiter=",", header=lines[0], comments="")
+    assert check_recording([*options, str(train)]) == 1
+    assert cause in capsys.readouterr().out
+
+
 def test_nothing_is_missing_on_a_gantry(tmp_path: Path) -> None:
     options = describe(tmp_path, GANTRY)
     recordings = [

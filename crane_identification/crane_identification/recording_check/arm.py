@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_erosion
 from scipy.optimize import lsq_linear
+from scipy.sparse.csgraph import connected_components
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import resample
@@ -129,24 +130,28 @@ class _Fit:
         return _Basis(q @ u[:, known], r, self.low * norms)
 
     def factors(self, basis: "_Basis") -> tuple[np.ndarray, float]:
-        """(j,) of the forces of the joints, that make them agree, the first 1; and what is left.
+        """(j,) of the forces of the joints, that make them agree; and what is left.
 
+        Nothing compares joints that share no parameter: of those that do, the middle factor is 1.
         The residual of each joint is relative to its own force: a factor near 0 explains nothing.
         """
         rows = self.joint == np.arange(len(self.scale))[:, np.newaxis]
         power = np.sqrt((rows * self.force**2).sum(axis=1))
-        silent = power == 0.0
-        power[silent] = 1.0
+        power[power == 0.0] = 1.0
         factor = np.ones(len(power))
         for _ in range(FACTOR_ROUNDS):  # the largest share of the forces that the model explains
             q = np.linalg.qr(basis.q / factor[self.joint, np.newaxis])[0]
             along = (rows * self.force) @ q / power[:, np.newaxis]
-            factor *= np.where(silent, 1.0, np.linalg.eigh(along @ along.T)[1][:, -1] / power)
-            factor /= np.sqrt(np.mean(factor**2))
+            shares = along @ along.T
+            count, group = connected_components(np.abs(shares) > NEGLIGIBLE)
+            for joints in (np.flatnonzero(group == k) for k in range(count)):
+                vector = np.linalg.eigh(shares[np.ix_(joints, joints)])[1][:, -1]
+                factor[joints] *= vector / power[joints]
+                factor[joints] /= sorted(factor[joints])[len(joints) // 2]
         force = factor[self.joint] * self.force  # or the opposite
         residuals = (force - sign * basis.predicted(sign * force) for sign in (1.0, -1.0))
         left = min(float(np.linalg.norm(residual / factor[self.joint])) for residual in residuals)
-        return factor / factor[0], left / float(np.linalg.norm(self.force))
+        return factor, left / float(np.linalg.norm(self.force))
 
 
 class _Basis(NamedTuple):
