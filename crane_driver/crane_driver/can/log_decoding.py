@@ -75,11 +75,10 @@ def _cycle(sender: Sender, first: int, last: int) -> Cycle:
 
 def describe(log: BusLog, table: LogTable) -> str:
     """The report on a log that was read to its end."""
-    duration = (table.last - table.first) / 1e9
     unknown, failed = table.unknown.total(), table.failed.total()
     lines = [
-        f"{table.frames} frames read over {duration:.3f} s: {table.decoded} decoded, {unknown} of "
-        f"{len(table.unknown)} unknown ids, {failed} not decodable",
+        f"{table.frames} frames read over {table.duration / 1e9:.3f} s: {table.decoded} decoded, "
+        f"{unknown} of {len(table.unknown)} unknown ids, {failed} not decodable",
         *(f"also {text}" for text in beside(log)),
         *_about_stamps(log),
         "",

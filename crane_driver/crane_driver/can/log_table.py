@@ -46,6 +46,7 @@ class LogTable:
         self._dbc, self._keep_codes = dbc, keep_codes
         self.frames = 0
         self.first = self.last = 0  # ns, stamps
+        self.duration = 0  # ns, without what a clock was set back by
         self.unknown: Counter[str] = Counter()  # frames by identifier
         self.failed: Counter[tuple[str, str, str]] = Counter()  # by identifier, message, reason
         self.codes: Counter[tuple[str, Code]] = Counter()  # values by MESSAGE.SIGNAL and kind
@@ -61,7 +62,9 @@ class LogTable:
         return sum(len(sender.stamps) for sender in self.senders.values())
 
     def add(self, frame: Frame) -> None:
-        self.first = self.first if self.frames else frame.stamp
+        if not self.frames:
+            self.first = self.last = frame.stamp
+        self.duration += max(frame.stamp - self.last, 0)
         self.last = frame.stamp
         self.frames += 1
         shown = show_id(frame.id, frame.extended)

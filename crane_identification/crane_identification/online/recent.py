@@ -69,7 +69,8 @@ class Recent:
 class Watched:
     """An estimator whose readings are kept for the check, too.
 
-    If the stamps of a stream go back, both begin anew: the same data would count twice.
+    If the stamps of a stream go back, both begin anew: the same data would count twice. What the
+    other stream measured before that is left out.
     """
 
     def __init__(self, estimator: OnlineEstimator, recent: Recent):
@@ -78,21 +79,26 @@ class Watched:
         self.model, self.options = estimator.model, estimator.options
 
     def add_position(self, stamp: int, position: np.ndarray) -> list[Forces]:
-        self._arrives("positions", stamp)
+        if not self._counts("positions", stamp):
+            return []
         self._recent.add_position(stamp, position)
         return self._estimator.add_position(stamp, position)
 
     def add_pressure(
         self, stamp: int, chamber_a: np.ndarray, chamber_b: np.ndarray
     ) -> list[Forces]:
-        self._arrives("pressures", stamp)
+        if not self._counts("pressures", stamp):
+            return []
         self._recent.add_pressure(stamp, chamber_a, chamber_b)
         return self._estimator.add_pressure(stamp, chamber_a, chamber_b)
 
-    def _arrives(self, stream: str, stamp: int) -> None:
+    def _counts(self, stream: str, stamp: int) -> bool:
+        if self.back.lags(stream, stamp):
+            return False
         if self.back.comes(stream, stamp):
             self._recent.forget()
             self._estimator.reset()
+        return True
 
 
 def _keep(queue: deque[tuple[int, np.ndarray]], stamp: int, values: np.ndarray) -> None:

@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_erosion
 from scipy.optimize import lsq_linear
+from scipy.sparse.csgraph import connected_components
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import resample
 from crane_identification.notation import spoken
 from crane_identification.recording_check import limits
-from crane_identification.recording_check.forces import TINY, LongestRun
+from crane_identification.recording_check.forces import NEGLIGIBLE, TINY, LongestRun
 from crane_identification.recording_check.suspicion import Suspicion
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
@@ -21,7 +22,7 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 
 TURNS = {"+90°": np.pi / 2, "-90°": -np.pi / 2, "180°": np.pi}  # that a zero may be off
-FACTOR_ROUNDS = 1000  # of finding factors and parameters in turn
+FACTOR_ROUNDS = 3  # after which each joint has the weight of its own force
 UNDONE = ("direction", "turn", "sign")
 
 
@@ -122,29 +123,39 @@ class _Fit:
         columns = (self.model.regressor(record) / self.scale[:, np.newaxis])[self.used]
         norms = np.linalg.norm(columns, axis=0)
         norms[norms == 0.0] = 1.0
-        return _Basis(*np.linalg.qr(columns / norms), self.low * norms)
+        q, triangle = np.linalg.qr(columns / norms)
+        u, size, directions = np.linalg.svd(triangle)
+        known = size > NEGLIGIBLE * size[0]  # no motion separates parameters along the others
+        r = size[known, np.newaxis] * directions[known]
+        return _Basis(q @ u[:, known], r, self.low * norms)
 
     def factors(self, basis: "_Basis") -> tuple[np.ndarray, float]:
-        """(j,) of the forces of the joints, that make them agree, the first 1; and what is left.
+        """(j,) of the forces of the joints, that make them agree; and what is left.
 
+        Nothing compares joints that share no parameter: of those that do, the middle factor is 1.
         The residual of each joint is relative to its own force: a factor near 0 explains nothing.
         """
-        count = len(self.scale)
-        factor, force = np.ones(count), self.force
-        power = np.bincount(self.joint, self.force**2, minlength=count)
-        for _ in range(FACTOR_ROUNDS):
-            predicted = basis.q @ (basis.q.T @ force)  # whatever the signs, for speed
-            along = np.bincount(self.joint, predicted * self.force, minlength=count)
-            factor = np.divide(along, power, out=np.ones(count), where=power > 0.0)
-            factor /= np.sqrt(np.mean(factor**2))
-            force = factor[self.joint] * self.force
-        residual = (force - basis.predicted(force)) / factor[self.joint]
-        left = float(np.linalg.norm(residual) / np.linalg.norm(self.force))
-        return factor / factor[0], left
+        rows = self.joint == np.arange(len(self.scale))[:, np.newaxis]
+        power = np.sqrt((rows * self.force**2).sum(axis=1))
+        power[power == 0.0] = 1.0
+        factor = np.ones(len(power))
+        for _ in range(FACTOR_ROUNDS):  # the largest share of the forces that the model explains
+            q = np.linalg.qr(basis.q / factor[self.joint, np.newaxis])[0]
+            along = (rows * self.force) @ q / power[:, np.newaxis]
+            shares = along @ along.T
+            count, group = connected_components(np.abs(shares) > NEGLIGIBLE)
+            for joints in (np.flatnonzero(group == k) for k in range(count)):
+                vector = np.linalg.eigh(shares[np.ix_(joints, joints)])[1][:, -1]
+                factor[joints] *= vector / power[joints]
+                factor[joints] /= sorted(factor[joints])[len(joints) // 2]
+        force = factor[self.joint] * self.force  # or the opposite
+        residuals = (force - sign * basis.predicted(sign * force) for sign in (1.0, -1.0))
+        left = min(float(np.linalg.norm(residual / factor[self.joint])) for residual in residuals)
+        return factor, left / float(np.linalg.norm(self.force))
 
 
 class _Basis(NamedTuple):
-    """Columns of (28), of norm 1, as their factors (N, p) and (p, p), and least values (p,)."""
+    """Columns of (28), of norm 1, as factors (N, r) and (r, p), and the least values (p,)."""
 
     q: np.ndarray
     r: np.ndarray
@@ -198,16 +209,18 @@ def _left(fit: _Fit, mistakes: Sequence[_Mistake]) -> float:
     return fit.basis(undone).left(sign[fit.joint] * fit.force)
 
 
-def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistake], int, float]:
-    """The mistakes of all joints that explain the forces best, in how many steps; what is left.
+def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistake], float]:
+    """The mistakes of all joints that explain the forces best, and what is left.
 
-    Signs that only explain something together are tried in one step, as the signs of the `factors`
-    (j,), whose common one is not known.
+    Of one step to the next, each mistake undone must explain much. Signs that only explain
+    something together are tried in one step, as the signs of the `factors` (j,), whose common one
+    is not known.
     """
     joints = fit.model.joints
-    found, steps = [RIGHT] * len(joints), 0
+    found = [RIGHT] * len(joints)
+    best, best_left, least = found, left, left
     together = [[MISTAKES[0] if turned else RIGHT for turned in s * factors < 0] for s in (1, -1)]
-    while True:
+    for step in range(1, len(joints) + 1):
         tried = [
             [*found[:j], mistake, *found[j + 1 :]]
             for mistake in MISTAKES
@@ -217,9 +230,12 @@ def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistak
         tried += together
         lefts = [_left(fit, mistakes) for mistakes in tried]
         first = next(k for k, share in enumerate(lefts) if share <= limits.SAME_LEFT * min(lefts))
-        if lefts[first] > limits.LEAST_STEP * left:
-            return found, steps, left
-        found, steps, left = tried[first], steps + 1, lefts[first]
+        found = tried[first]
+        if limits.BETTER**step * lefts[first] < least:
+            best, best_left, least = found, lefts[first], limits.BETTER**step * lefts[first]
+        if least < limits.BETTER ** (step + 1) * limits.IMPERFECT:
+            break  # one more could not explain enough
+    return best, best_left
 
 
 def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
@@ -232,18 +248,16 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
     if left < limits.IMPERFECT:
         return
     factors, by_factors = fit.factors(basis)
-    found, steps, without = _mistakes(fit, left, factors) if left > limits.POOR else ([], 0, left)
+    found, without = _mistakes(fit, left, factors) if left > limits.POOR else ([], left)
     evidence = f"the model leaves {left:.0%} of the forces, without that {{:.0%}}"
-    better = limits.BETTER**steps * without < left
-    if steps and better and without < limits.SIMPLER * by_factors:
+    if without < min(left, limits.SIMPLER * by_factors):
         for joint, mistake in zip(model.joints, found, strict=True):
             if mistake is not RIGHT:
                 told = evidence.format(without)
                 yield Suspicion(spoken(joint), told, mistake.what, decisive=True)
     elif (
         limits.BETTER * by_factors < left
-        and (factors > 0.0).all()
-        and factors.max() > limits.LEAST_RATIO * factors.min()
+        and np.abs(factors).max() > limits.LEAST_RATIO * np.abs(factors).min()
     ):
         named = ", ".join(
             f"{spoken(joint)} {factor:.3g}"
@@ -252,7 +266,7 @@ def arm(model: Model, moved: ArmMotion) -> Iterator[Suspicion]:
         yield Suspicion(
             "forces",
             evidence.format(by_factors),
-            f"each joint has another unit, as efforts in amperes have; factors that agree: {named}",
+            f"joints have different units, as efforts in amperes have; factors that agree: {named}",
             decisive=left > limits.POOR,
         )
     elif left > limits.UNEXPLAINED:

@@ -51,6 +51,7 @@ LEAST_TRAINED = 20  # samples a coefficient, from which such an expectation can 
 ASKED = 0.3  # of the full command, beyond the dead band of valves
 ASKED_FOR = 1.0  # s
 ASKED_WAY = 0.01  # rad or m (or per s) of reference or velocity, which an encoder shows
+SHORTEST_STOP = 0.05  # s, in which a brake, a valve or a drive stops a joint
 MOST = (10, 90)  # percentiles of a signal between which its change counts
 
 # clocks
@@ -74,7 +75,6 @@ UNEXPLAINED = 0.35  # of the force, which no machine of the kind leaves
 ARM_BANDWIDTH = 10.0  # Hz
 SIMPLER = 1.5  # times as much may be left by a turned sign as by a factor for each joint
 SAME_LEFT = 1.1  # times as much may be left by the likelier mistake
-LEAST_STEP = 0.9  # of what was left, at most, if one more mistake is undone
 IMPERFECT = 0.015  # of the force unexplained, from which on units are compared
 LEAST_RATIO = 1.3  # of two factors that are units, and not what sensors or gears vary by
 SLOW = 0.05  # of a joint's highest speed; below, friction is anything between its branches

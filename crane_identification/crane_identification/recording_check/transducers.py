@@ -170,13 +170,16 @@ def _size(log: Log, name: str, step: float) -> str:
 
 
 def _encoders(log: Log) -> Iterator[Suspicion]:
-    """Encoders that show one reading only, and whether something says that the joint moved."""
+    """Encoders that show one reading for a while or always, though the joint moved."""
     for j, joint in enumerate(log.joints):
-        value = log.position.value[:, j]
-        value = value[np.isfinite(value)]
-        if not len(value) or np.ptp(value) > 0.0:
+        known = np.isfinite(log.position.value[:, j])
+        time, value = log.position.time[known], log.position.value[known, j]
+        if not len(value):
             continue
-        moved = list(_asked(log, j))
+        if np.ptp(value) > 0.0:
+            yield from _halts(log, j, time, value)
+            continue
+        moved = list(_asked(log, j, time[0], time[-1]))
         evidence = f"one reading, {value[0]:.6g}, from the first sample to the last"
         yield Suspicion(
             spoken(joint),
@@ -186,19 +189,94 @@ def _encoders(log: Log) -> Iterator[Suspicion]:
         )
 
 
-def _asked(log: Log, j: int) -> Iterator[str]:
-    """Evidence that joint j moved, or was commanded to."""
+def _halts(log: Log, j: int, time: np.ndarray, value: np.ndarray) -> Iterator[Suspicion]:
+    """Find a rest that begins or ends within one step, though a joint has inertia.
+
+    A joint that comes to rest slows down first, and its speed changes more in the steps before the
+    rest than at its edge. A frozen encoder stops from full speed, or jumps to where the joint is.
+    """
+    first = _edges(value)
+    last = np.append(first[1:], len(value)) - 1
+    rests = time[last] - time[first] > limits.PLATEAU
+    if not rests.any():
+        return
+    first, last = first[rests], last[rests]
+    steps = _steps(time, value, first, last)
+    change = np.maximum(steps.change[first], steps.change[last])
+    worst = int(change.argmax())
+    if change[worst] <= steps.most:
+        return
+    begin, end = time[first[worst]], time[last[worst]]
+    moved = list(_asked(log, j, begin, end))
+    evidence = [
+        f"one reading, {value[first[worst]]:.6g}, from {begin:.4g} s to {end:.4g} s",
+        f"at an end of it the speed changes by {change[worst]:.3g} rad/s or m/s within "
+        f"{steps.seconds:.2g} s, in motion by {steps.most:.3g} at most",
+        *moved,
+    ]
+    frozen = bool(moved or change[worst] > steps.fastest)
+    yield Suspicion(
+        spoken(log.joints[j]),
+        "; ".join(evidence),
+        "its encoder was frozen" if frozen else "its encoder was frozen, or the joint hit a stop",
+        decisive=frozen,
+    )
+
+
+class _Steps(NamedTuple):
+    """Changes of speed (n,) [1/s] at each reading, between the steps of `seconds` around it.
+
+    In motion the speed is `fastest` and changes by `most` at most, both with the uncertainty of
+    the readings. Steps that are too long to show how a joint stops show only jumps.
+    """
+
+    seconds: float
+    change: np.ndarray
+    most: float
+    fastest: float
+
+
+def _steps(time: np.ndarray, value: np.ndarray, first: np.ndarray, last: np.ndarray) -> _Steps:
+    """The shortest steps that show motion above noise; the joint rests from `first` to `last`."""
+    rate, length = sampling_rate(time), 1
+    resolution = float(encoder_resolution(value[:, np.newaxis])[0])
+    longest = limits.SHORTEST_STOP / 2 * rate
+    while True:
+        speed = (value[length:] - value[:-length]) / (time[length:] - time[:-length])
+        change = np.zeros(len(value))
+        change[length:-length] = np.abs(speed[length:] - speed[:-length])
+        motion = np.arange(len(value)) >= length
+        motion[-length:] = False
+        for begin, end in zip(first, last, strict=True):
+            motion[max(0, begin - length) : end + length + 1] = False
+        in_motion, uncertain = np.abs(speed[motion[length:]]), resolution * rate / length
+        most = float(change[motion].max(initial=0.0)) + 2.0 * uncertain
+        fastest = float(in_motion.max(initial=0.0)) + uncertain
+        if np.square(in_motion).sum() > most**2 * len(in_motion) or 2 * length > longest:
+            limit = most if length <= longest else max(most, fastest)
+            return _Steps(length / rate, change, limit, fastest)
+        length *= 2
+
+
+def _asked(log: Log, j: int, begin: float, end: float) -> Iterator[str]:
+    """Evidence that joint j moved between `begin` and `end` [s], or was commanded to."""
+
+    def during(signal: Signal) -> Signal:
+        return signal.take(np.flatnonzero((signal.time >= begin) & (signal.time <= end)))
+
     if log.reference_position is not None:
-        way = float(np.nan_to_num(np.ptp(log.reference_position.value[:, j])))
+        reference = during(log.reference_position).value[:, j]
+        way = float(np.nan_to_num(np.ptp(reference))) if len(reference) else 0.0
         if way > limits.ASKED_WAY:
             yield f"its reference moves by {way:.3g} rad or m"
     if log.velocity is not None:
-        speed = float(np.nanmax(np.abs(log.velocity.value[:, j]), initial=0.0))
+        speed = float(np.nanmax(np.abs(during(log.velocity).value[:, j]), initial=0.0))
         if speed > limits.ASKED_WAY:
             yield f"its velocity is logged as up to {speed:.3g} rad/s or m/s"
-    if log.command is not None and len(log.command.time) > 1:
-        asked = np.abs(log.command.value[:-1, j]) > limits.ASKED
-        seconds = float(np.diff(log.command.time)[asked].sum())
+    if log.command is not None:
+        command = during(log.command)
+        asked = np.abs(command.value[:-1, j]) > limits.ASKED
+        seconds = float(np.diff(command.time)[asked].sum())
         if seconds > limits.ASKED_FOR:
             yield f"its valve command was above {limits.ASKED:.0%} for {seconds:.1f} s"
 

@@ -116,7 +116,17 @@ class TimeBack:
     def __init__(self) -> None:
         self.times, self.by = 0, 0.0
         self._newest: dict[str, int] = {}
+        self._behind: dict[str, int] = {}  # the same of topics that have not yet followed the step
         self._last = -math.inf
+
+    def lags(self, topic: str, stamp: int) -> bool:
+        """Return whether the topic still sends what it measured before the stamps of another went
+        back, though not for longer than the step is news."""
+        newest = self._behind.pop(topic, None)
+        if newest is None or newest - stamp > MAX_JUMP_NS or not self.is_news:
+            return False
+        self._behind[topic] = max(newest, stamp)
+        return True
 
     def comes(self, topic: str, stamp: int) -> bool:
         """Take the stamp [ns] of a message; return whether everything has to begin anew.
@@ -131,6 +141,8 @@ class TimeBack:
         now = time.monotonic()
         if now - self._last > SAME_STEP_S:
             self.times += 1
+        self._behind |= self._newest
+        del self._behind[topic]
         self.by, self._last, self._newest = (newest - stamp) / NANOSECONDS, now, {topic: stamp}
         return True
 

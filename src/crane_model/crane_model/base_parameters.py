@@ -136,8 +136,8 @@ NEGLIGIBLE_SHARE = 1e-9  # of a column's norm
 
 _FIRST = ("mx", "my", "Ixy", "Ixz", "Iyz", "Izz", "Ixx", "mz", "Iyy", "m")
 """Which of a body's parameters stand for a combination, if they can: those that Gautier and Khalil
-(1990) keep for a body that turns about z; the rest goes to the bodies before, except that the mass
-on a slide stands for all masses that it carries."""
+(1990) keep for a body that turns about z; the rest goes to the bodies before. What else a slide
+carries shows on the joint that turns it, but its mass stands for all masses that it carries."""
 AXIS_COSINE = 0.99  # of a unit vector that lies along a coordinate axis
 
 
@@ -181,9 +181,10 @@ def base_set(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...] = 
     return BaseSet(np.array(leading), combination, names)
 
 
-def _rank(joint: MachineJoint, quantity: str) -> tuple[int, bool]:
+def _rank(joint: MachineJoint, quantity: str) -> tuple[bool, bool, int]:
     """Place of a body's parameter among those that may stand for a combination, lowest first."""
-    return _FIRST.index(_as_about_z(joint, quantity)), joint.kind == "revolute"
+    mass = quantity == "m"
+    return mass, mass == (joint.kind == "revolute"), _FIRST.index(_as_about_z(joint, quantity))
 
 
 def _as_about_z(joint: MachineJoint, quantity: str) -> str:

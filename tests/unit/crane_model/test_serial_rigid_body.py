@@ -53,6 +53,49 @@ def test_base_parameters_are_all_that_the_motion_determines(name: str) -> None:
     assert reveal_rank(columns.reshape(-1, count)).rank == count
 
 
+@pytest.mark.parametrize("name", BASE_COUNTS)
+def test_a_moment_is_not_an_inertia_over_a_length(name: str) -> None:
+    """Masses combine with masses, and moments with moments and masses on arms."""
+    machine = load_machine(name)
+    for joints in (machine.joint_names, machine.joint_names[1:]):
+        if not joints:
+            continue
+        base = base_set(machine, joints)
+        order = np.array(
+            [np.clip(len(quantity.split(".")[0]) - 1, 0, 2) for quantity in base.names]
+        )
+        for leading, parts in zip(base.leading, base.combination, strict=True):
+            assert (order[parts != 0.0] <= order[leading]).all(), base.names[leading]
+
+
+SCARA = """name: scara
+gravity: 9.81
+joints:
+  - {name: shoulder, kind: revolute, dh: {a: 0.35}, limits: &angle {position_min: -2.5,
+     position_max: 2.5, velocity_min: -3.0, velocity_max: 3.0}, actuator: {type: passive}}
+  - {name: elbow, kind: revolute, dh: {a: 0.3}, limits: *angle, actuator: {type: passive}}
+  - {name: slide, kind: prismatic, dh: {}, limits: {position_min: -0.2, position_max: 0.2,
+     velocity_min: -1.0, velocity_max: 1.0}, actuator: {type: passive}}
+  - {name: wrist, kind: revolute, dh: {}, limits: *angle, actuator: {type: passive}}
+"""
+
+
+def test_a_slide_along_the_joint_before_it_adds_to_what_that_joint_turns(tmp_path: Path) -> None:
+    (tmp_path / "machine.yaml").write_text(SCARA)
+    machine = load_machine(tmp_path / "machine.yaml")
+    meanings = {one.name: one.meaning for one in SerialRigidBody().parameters(setting(machine))}
+    assert meanings == {
+        "Izz_r.shoulder": "inertia about the axis of shoulder, Izz.shoulder + 0.1225 m.elbow",
+        "mx_r.elbow": "mass moment along x of elbow, mx.elbow + mx.slide",
+        "my_r.elbow": "mass moment along y of elbow, my.elbow + my.slide",
+        "Izz_r.elbow": "inertia about the axis of elbow, Izz.elbow + 0.6 mx.slide + Izz.slide",
+        "m_r.slide": "mass that slide moves, m.slide + m.wrist",
+        "mx.wrist": "mass moment along x of wrist",
+        "my.wrist": "mass moment along y of wrist",
+        "Izz.wrist": "inertia about the axis of wrist",
+    }
+
+
 def test_each_is_named_as_the_combination_that_it_is() -> None:
     machine = load_machine("excavator")
     by_name = {one.name: one for one in SerialRigidBody().parameters(setting(machine))}

@@ -181,6 +181,10 @@ def test_a_clock_that_is_set_back_costs_no_messages(
     assert main([*arguments, "--out", str(out)]) == 0
     report = capsys.readouterr().out
     assert f"time goes back 1 times, by up to {abs(by):.3g}"[:-1] in report
+    stamps = re.findall(r"^\((.*?)\)", crane_log.read_text(), re.MULTILINE)
+    lasted = re.search(r"frames read over (\S+) s", report)
+    assert lasted
+    assert float(lasted[1]) == pytest.approx(float(stamps[-1]) - float(stamps[0]), abs=0.01)
     counted = re.search("/joint_states: ([0-9]+) messages", report)
     assert counted and int(counted[1]) >= 36
 

@@ -71,6 +71,42 @@ def test_time_that_goes_back_begins_anew() -> None:
     assert str(watched.back).startswith("time went back by 12.0 s")
 
 
+@pytest.mark.parametrize("pressures_first", [True, False])
+def test_a_stream_that_lags_behind_a_set_back_loses_nothing(pressures_first: bool) -> None:
+    """A busy node takes two seconds of a topic at once: one topic goes back long before the other,
+    and the other still sends what it measured before."""
+    estimator = OnlineEstimator(load_model(machine_file("model.yaml")), OnlineOptions())
+    watched = Watched(estimator, Recent(load_machine(), PLANAR_JOINTS))
+    still, loaded = np.array([0.6, -1.3, 0.3]), np.full(3, 5e6)
+    step, back = 10_000_000, 200_000_000  # ns
+
+    def take(pressures: bool, begin: int, end: int, shift: int = 0) -> None:
+        for k in range(begin, end):
+            if pressures:
+                watched.add_pressure(k * step - shift, loaded, loaded)
+            else:
+                watched.add_position(k * step - shift, still)
+
+    take(not pressures_first, 0, 300)
+    take(pressures_first, 0, 500)
+    take(pressures_first, 500, 710, back)
+    take(not pressures_first, 300, 500)
+    take(not pressures_first, 500, 800, back)
+    take(pressures_first, 710, 800, back)
+    assert watched.back.times == 1 and str(watched.back).startswith("time went back by 0.2 s")
+    matcher = estimator.matcher
+    assert matcher.matched > 290 and matcher.unmatched == 0
+
+
+def test_a_stream_that_never_follows_a_set_back_counts_again() -> None:
+    back = TimeBack()
+    for topic in ("a", "b"):
+        assert not back.lags(topic, 10**10) and not back.comes(topic, 10**10)
+    assert back.comes("a", 0) and back.lags("b", 11 * 10**9)
+    assert not back.lags("b", 5 * 10**9)  # it follows
+    assert not back.comes("b", 5 * 10**9) and not back.lags("b", 6 * 10**9)
+
+
 def test_messages_that_overtake_one_another_are_no_clock_that_is_set() -> None:
     back = TimeBack()
     assert not any(back.comes("a", stamp * 10**6) for stamp in (0, 50, 20, 60, 300, 210))

@@ -12,6 +12,7 @@ from crane_identification.check_recording import main, parser
 from crane_identification.recording_check.check import check
 from crane_identification.recording_check.suspicion import RecordingVerdict
 from crane_model import Model, Record, load_model
+from crane_model.terms.drives import RotorInertia
 
 MODEL = Path(__file__).parents[3] / "machines" / "kuka_kr300_model.yaml"
 MIDDLE = np.array([0.0, 0.3, -1.3, 0.0, 0.0, 0.0])  # rad, within the limits of each axis
@@ -97,7 +98,16 @@ def test_efforts_in_amperes_are_no_turned_sign(model: Model, good: Log) -> None:
     (found,) = check(model.machine, each(good, FORCE, lambda f: f * ampere), model).decisive
     assert found.where == "forces" and "amperes" in found.cause
     factors = [float(part.split()[-1]) for part in found.cause.partition("agree: ")[2].split(", ")]
-    np.testing.assert_allclose(factors, ampere[0] / ampere, rtol=0.15)
+    np.testing.assert_allclose(np.array(factors) / factors[0], ampere[0] / ampere, rtol=0.15)
+
+
+@pytest.mark.parametrize(("j", "unit"), [(0, -9.5), (2, 9.5), (5, 9.5)])
+def test_one_effort_in_amperes_leaves_the_other_factors(
+    model: Model, good: Log, j: int, unit: float
+) -> None:
+    (found,) = check(None, each(good, FORCE, column(j, lambda f: f / unit)), model).suspicions
+    factors = [float(part.split()[-1]) for part in found.cause.partition("agree: ")[2].split(", ")]
+    np.testing.assert_allclose(factors, np.where(np.arange(6) == j, unit, 1.0), rtol=0.15)
 
 
 def test_units_that_differ_little_are_doubtful(model: Model, good: Log) -> None:
@@ -141,6 +151,12 @@ def test_a_model_that_lacks_friction_is_no_wrong_sign(model: Model, good: Log) -
         if term.type in ("coulomb", "viscous"):
             lacking = lacking.without_term(term)
     assert not check(model.machine, good, lacking).decisive
+
+
+def test_parameters_that_no_motion_separates_are_no_mistake(model: Model, good: Log) -> None:
+    """The rotor of the first axis turns as its link does."""
+    both = replace(model, terms=(*model.terms, RotorInertia(joint="axis_1")))
+    assert check(model.machine, good, both).verdict is RecordingVerdict.RIGHT
 
 
 def test_terms_of_the_user_are_taken() -> None:
