@@ -112,7 +112,7 @@ def test_steady_flow_is_that_of_the_orifices() -> None:
 def test_what_forces_do_not_bound_is_not_observable() -> None:
     """A pose that forces tell of two joints alone; as they forget, they tell of none."""
     layout, span = StateLayout.of(3), np.array([1.8, 2.6, 1.5])
-    watched = Observability(layout, span, Trust().spread(layout))
+    watched = Observability(layout, span, Trust().spread(layout), Trust().unknown)
     assert not watched.observable.any()
     rows = np.zeros((2, layout.size))
     rows[[0, 1], [0, 1]] = 1000.0  # of unit variance: 1 mrad each

@@ -32,7 +32,7 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.record import Record
-from crane_observer.position.state import NUDGE, Trust, correct, relax
+from crane_observer.position.state import NUDGE, UNKNOWN_LOAD, Trust, correct, relax
 
 SLOWER = 1e-2  # share of the velocity, for what grows with it
 SHARE_POWER = 4.0 / 3.0  # of the position estimator's share: no flow is used here
@@ -40,10 +40,7 @@ SHARE_POWER = 4.0 / 3.0  # of the position estimator's share: no flow is used he
 ESTIMATED_VELOCITY = 0.1  # of a velocity that no encoder measures, how wrong it may be
 ESTIMATED_ACCELERATION = 1.0  # the same of an acceleration
 
-UNKNOWN_SHARE = 0.77  # of what the drives hold: standard deviation of a load that is not known
-POSES_PER_JOINT = 5  # in which it is seen what they hold
-HOLDS_LITTLE = 1.0  # N m/kg, N/kg: a joint that 1 kg loads by less does not hold it
-TOOL_SHARE, DRIFT_SHARE = 5e-3, 5e-4  # of `ModelDoubt.unknown`
+TOOL_SHARE = 5e-3  # of `ModelDoubt.unknown`
 FAR = 0.5  # m beyond the tip, of the centre of such a load
 TARED = 0.05  # kg, kg m: how well a tare is zero
 WINDOW_OUTLYING = 3.0  # standard deviations, from which on a measurement counts less
@@ -142,26 +139,6 @@ class TipMechanics:
         whole[:, self.columns] = positions
         return gravity_forces(self.machine.chain, self.bodies[0], whole)[:, self.columns]
 
-    @property
-    def heaviest(self) -> float:
-        """Load at the tip [kg] that the drives hold in each pose at supply pressure, without the
-        machine's own weight; infinite if no joint carries it.
-        """
-        machine, joints = self.machine, self.model.joints
-        ranges = [
-            np.linspace(limits.position_min, limits.position_max, POSES_PER_JOINT)
-            for limits in (machine.limits[joint] for joint in joints)
-        ]
-        poses = np.stack(np.meshgrid(*ranges), axis=-1).reshape(-1, len(joints))
-        weights, held = self.weights(poses), np.inf
-        for weight, q, joint in zip(weights.T, poses.T, joints, strict=True):
-            actuator, lever = machine.cylinders[joint], machine.cylinder(joint, q)[:, 1]
-            area = np.where(lever * weight > 0.0, actuator.area_a, actuator.area_b)
-            force = np.abs(lever) * area * machine.hydraulics.supply_pressure
-            loaded = np.abs(weight) > HOLDS_LITTLE
-            held = min(held, float((force[loaded] / np.abs(weight[loaded])).min(initial=np.inf)))
-        return held
-
     def slopes(self, motion: MeanMotion, load: float) -> Array:
         """(j, j) of force less what is asked with a load [kg], row by joint, against positions."""
 
@@ -253,7 +230,7 @@ class ModelDoubt(NamedTuple):
     place_stays: float = 60.0  # s, of errors of an estimated position
     noise: float = 0.2e5  # Pa, of a window, of the piston's force
     inertia: float = 0.1  # of the force that accelerates: encoders tell acceleration badly
-    unknown: float = 100.0  # kg, of a load of which nothing is known
+    unknown: float = UNKNOWN_LOAD  # kg
     tool: float = 0.5  # kg, of what the model has at the tip
     drift: float = 0.05  # kg/sqrt(s), of a load that nobody changes
 
@@ -262,11 +239,10 @@ class ModelDoubt(NamedTuple):
         """As far as the model deserves it, as the position estimator judges it; a load as its
         machine can hold it.
         """
-        heaviest = TipMechanics.of(model).heaviest
-        unknown = UNKNOWN_SHARE * heaviest if math.isfinite(heaviest) else cls().unknown
-        share = (Trust.of(model).dry / Trust().dry) ** SHARE_POWER
+        trust = Trust.of(model)
+        share, unknown = (trust.dry / Trust().dry) ** SHARE_POWER, trust.unknown
         blamed = ("zero", "slow", "dry", "viscous", "carried", "crawl", "noise", "tool", "drift")
-        full = cls(unknown=unknown, tool=TOOL_SHARE * unknown, drift=DRIFT_SHARE * unknown)
+        full = cls(unknown=unknown, tool=TOOL_SHARE * unknown, drift=trust.load_drift * unknown)
         return full._replace(**{name: share * getattr(full, name) for name in blamed})
 
     @property

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_model.chain.dynamics import inverse_dynamics
+from crane_model.chain.dynamics import inverse_dynamics, tip_bodies
 from crane_model.hydraulics.simulation import circuit_of, identified
 from crane_model.hydraulics.stepping import Circuit, chamber_volumes
 from crane_model.machine import Machine
@@ -71,12 +71,8 @@ class LoadedMechanics:
         """`ConfigurationError` if the model has no hydraulics or no values."""
         machine, _ = identified(model)
         assert model.theta is not None  # or the error that names the remedy
-        x, y, z = machine.chain.tip_translation
-        tip = np.zeros((len(machine.joints), 10))
-        tip[-1] = (1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z,
-                   x * x + y * y)  # fmt: skip
         columns = np.array([machine.index(joint) for joint in model.joints])
-        return cls(model, machine, columns, tip)
+        return cls(model, machine, columns, tip_bodies(machine.chain)[0])
 
     def cylinders(self, q: Array) -> Array:
         """(n, j) to (n, j, 3): length, lever arm and its derivative; NaN if impossible."""
@@ -191,7 +187,8 @@ class Known:
     @property
     def load_drift(self) -> float:
         """kg/sqrt(s): behind a valve that is not identified, no surprise tells of a new load."""
-        return ASSUMED_VALVE.load_drift if self.assumed.any() else self.trust.load_drift
+        drift = ASSUMED_VALVE.load_drift if self.assumed.any() else self.trust.load_drift
+        return drift * self.trust.unknown
 
     @property
     def stroke(self) -> Array:

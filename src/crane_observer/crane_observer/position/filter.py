@@ -43,7 +43,6 @@ SET_ASIDE_IN_A_ROW = 3  # windows; what stays is no slip of a sensor
 
 MEMORY = 30.0  # s, in which half of the information of the force balance is forgotten
 OBSERVABLE_SHARE = 0.02  # of the range of a joint, one standard deviation of an observable one
-HEAVIEST = 200.0  # kg, what may hang at the tip
 POSES = 256  # that are looked at for what the weight tells
 
 START_POINTS = 4  # of the range of each joint whose start is not known
@@ -186,7 +185,7 @@ class Filter:
             return False  # what follows tells
         if surprised:
             added = np.zeros(layout.size)
-            added[layout.load] = known.trust.load**2
+            added[layout.load] = (known.trust.load * known.trust.unknown) ** 2
             self.state.relax(np.ones(layout.size), added)
         H, innovation = found.white()
         away = np.abs(innovation) / np.sqrt(1.0 + np.einsum("ik,kl,il->i", H, self.state.P, H))
@@ -215,11 +214,11 @@ class Observability:
     model's errors and nothing of positions and load; a position is observable if this bounds it.
     """
 
-    def __init__(self, layout: StateLayout, span: Array, spread: Array, heaviest: float = HEAVIEST):
-        """Joints have a `span` (j,), errors a `spread` (size,)."""
+    def __init__(self, layout: StateLayout, span: Array, spread: Array, unknown: float):
+        """Joints have a `span` (j,), errors a `spread` (size,), `unknown` loads [kg] as well."""
         self._layout, self._span = layout, span
         known = spread.copy()
-        known[layout.position], known[layout.load] = span, heaviest
+        known[layout.position], known[layout.load] = span, unknown
         self._prior = np.diag(1.0 / known**2)
         self._information = np.zeros((layout.size, layout.size))
 

@@ -1,6 +1,7 @@
 """State of the position estimator and the belief in it: an extended Kalman filter."""
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
@@ -10,6 +11,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from crane_model.array import Array
+from crane_model.chain.dynamics import gravity_forces, tip_bodies
+from crane_model.machine import Machine
 from crane_model.model_file import Model
 
 FRICTION_DOUBT_OF_POOR_MODEL = 0.01  # standard deviation over value
@@ -21,7 +24,12 @@ DOUBT_POWER = 1.5  # of the doubt in friction with which what a fit leaves unexp
 NOISE_PROBABILITY = 0.01  # from which on what is unexplained of a flow is noise of readings
 NUDGE = 1e-4  # rad, rad/s, m or m/s, for slopes
 STANDING = 0.02  # of the fastest that a joint may move, below which it counts as standing
-MISSING_LOAD = 10.0  # kg that may be missing at the tip, of what the model has there
+UNKNOWN_LOAD = 100.0  # kg, standard deviation of a load of which nothing is known
+UNKNOWN_SHARE = 0.77  # of the load that the drives hold, where one is known: the same
+POSES_PER_JOINT = 5  # in which it is seen what they hold
+HOLDS_LITTLE = 1.0  # N m/kg, N/kg: a joint that 1 kg loads by less does not hold it
+MISSING_SHARE = 0.1  # of an unknown load, that the tip may lack of what the model has there
+HEAVIEST_SHARE = 2.0  # of an unknown load, what may hang at the tip
 
 
 class FlowWindow(NamedTuple):
@@ -105,8 +113,9 @@ class Trust:
     viscous: float = 0.05  # of viscous friction
     friction_stays: float = 60.0  # s
     held: float = 1.0  # of dry friction, that holds a joint which stands
-    load: float = 60.0  # kg, of a load that has just come or gone
-    load_drift: float = 0.05  # kg/sqrt(s)
+    unknown: float = UNKNOWN_LOAD  # kg
+    load: float = 0.6  # of an unknown load, of one that has just come or gone
+    load_drift: float = 5e-4  # 1/sqrt(s), of an unknown load
     stroke: float = 0.005  # of the stroke of a window, beside gains
     noise: float = 0.5e5  # Pa, of a window's force balance, beside what stays
     inertia: float = 0.05  # of the force that accelerates
@@ -115,7 +124,9 @@ class Trust:
 
     @classmethod
     def of(cls, model: Model) -> "Trust":
-        """Trust in the model: standard deviations of friction show how far (13) is off."""
+        """Trust in the model: standard deviations of friction show how far (13) is off, and what
+        the drives hold shows how heavy a load may be.
+        """
         doubts = [0.0]
         for term, part in zip(model.terms, map(model.part, model.terms), strict=True):
             if not term.is_friction() or model.std_devs is None:
@@ -124,7 +135,8 @@ class Trust:
                 if parameter.minimum == 0.0 and model.theta[k] > 0.0:
                     doubt = float(model.std_devs[k] / model.theta[k])
                     doubts.append(doubt / FRICTION_DOUBT_OF_POOR_MODEL)
-        return cls().times(min(max(LEAST_TRUST_SHARE, max(doubts) ** DOUBT_POWER), 1.0))
+        share = min(max(LEAST_TRUST_SHARE, max(doubts) ** DOUBT_POWER), 1.0)
+        return cls(unknown=unknown_load(model)).times(share)
 
     def times(self, share: float) -> "Trust":
         """With a share of each deviation that a model is to blame for."""
@@ -151,6 +163,36 @@ class Trust:
         found[layout.pressure] = self.pressure_stays
         found[layout.dry] = found[layout.viscous] = self.friction_stays
         return found
+
+
+def heaviest_load(machine: Machine, joints: Sequence[str]) -> float:
+    """Load at the tip [kg] that the drives of `joints` hold in each pose at supply pressure.
+
+    The machine's own weight does not count. Infinite if no joint with a cylinder carries the load.
+    """
+    limits = (machine.limits[joint] for joint in joints)
+    ranges = [np.linspace(ends.position_min, ends.position_max, POSES_PER_JOINT) for ends in limits]
+    poses = np.stack(np.meshgrid(*ranges), axis=-1).reshape(-1, len(joints))
+    columns = [machine.index(joint) for joint in joints]
+    whole = np.zeros((len(poses), len(machine.joint_names)))
+    whole[:, columns] = poses
+    weights = gravity_forces(machine.chain, tip_bodies(machine.chain)[0], whole)[:, columns]
+    held = math.inf
+    for weight, q, joint in zip(weights.T, poses.T, joints, strict=True):
+        if (actuator := machine.cylinders.get(joint)) is None:
+            continue
+        lever = machine.cylinder(joint, q)[:, 1]
+        area = np.where(lever * weight > 0.0, actuator.area_a, actuator.area_b)
+        force = np.abs(lever) * area * machine.hydraulics.supply_pressure
+        loaded = np.abs(weight) > HOLDS_LITTLE
+        held = min(held, float((force[loaded] / np.abs(weight[loaded])).min(initial=np.inf)))
+    return held
+
+
+def unknown_load(model: Model) -> float:
+    """Standard deviation of a load at the tip of which nothing is known [kg]."""
+    heaviest = heaviest_load(model.machine, model.joints) if model.machine else math.inf
+    return UNKNOWN_SHARE * heaviest if math.isfinite(heaviest) else UNKNOWN_LOAD
 
 
 def flow_share(model: Model) -> Array:

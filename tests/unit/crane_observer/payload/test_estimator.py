@@ -38,6 +38,7 @@ from crane_observer.payload.filter import (
     attainable,
 )
 from crane_observer.payload.hypotheses import LoadHypotheses
+from crane_observer.position.state import heaviest_load
 from crane_sim import load_simulated_crane
 from crane_sim.parts.mujoco_model import add_body, chain_positions, link_name, machine_spec
 
@@ -84,7 +85,7 @@ def test_noise_of_a_window_is_known_from_its_readings(rate: float) -> None:
 
 def test_the_heaviest_load_is_what_the_drives_hold_by_virtual_work() -> None:
     """A kilogram that rises with the tip, against a piston at supply pressure, in many poses."""
-    mechanics, rng = TipMechanics.of(known()), np.random.default_rng(2)
+    heaviest, rng = heaviest_load(MACHINE, JOINTS), np.random.default_rng(2)
     limits = [MACHINE.limits[joint] for joint in MACHINE.joint_names]
     poses = rng.uniform(
         [limit.position_min for limit in limits],
@@ -101,8 +102,8 @@ def test_the_heaviest_load_is_what_the_drives_hold_by_virtual_work() -> None:
         actuator = MACHINE.cylinders[joint]
         area = np.where(work > 0.0, actuator.area_a, actuator.area_b)
         held = np.minimum(held, area * MACHINE.hydraulics.supply_pressure / np.abs(work))
-    assert mechanics.heaviest == pytest.approx(held.min(), rel=0.1)
-    assert ModelDoubt.of(known()).unknown == pytest.approx(0.77 * mechanics.heaviest)
+    assert heaviest == pytest.approx(held.min(), rel=0.1)
+    assert ModelDoubt.of(known()).unknown == pytest.approx(0.77 * heaviest)
 
 
 def test_a_load_adds_its_inertia() -> None:
