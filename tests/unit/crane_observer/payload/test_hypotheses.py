@@ -65,9 +65,8 @@ def filter_of(mass: float, deviation: float) -> LoadFilter:
 
 
 def blind() -> Balanced:
-    """A window that tells nothing: no pressure is known."""
-    balanced = window(0.0, 0.0, 0.0, np.random.default_rng(1))
-    return balanced._replace(balance=balanced.balance._replace(force=np.full(3, np.nan)))
+    """A window that tells nothing: its pressures are noise."""
+    return window(0.0, 0.0, 0.0, np.random.default_rng(1))._replace(noise=np.full(3, 1e12))
 
 
 def side_by_side(*hypotheses: LoadHypothesis) -> LoadHypotheses:
