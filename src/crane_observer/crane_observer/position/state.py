@@ -4,13 +4,14 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import NamedTuple, Self
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_model.chain.dynamics import gravity_forces, tip_bodies
 from crane_model.machine import Machine
 from crane_model.model_file import Model
@@ -43,6 +44,73 @@ class FlowWindow(NamedTuple):
     encoders: Array  # (j,) rad or m at its end; NaN where there is none
     blind: Array  # (j,) s of it in which the flow is not known
     whole: bool  # pressures were measured all the time
+
+    def followed_by(self, later: "FlowWindow") -> "FlowWindow":
+        """Both as one window."""
+        sums = self.sums.copy()
+        for name in sums.dtype.names or ():
+            sums[name] += later.sums[name]
+        sums["moment"] += self.duration * later.sums["impulse"]
+        return later._replace(
+            duration=self.duration + later.duration,
+            sums=sums,
+            before=self.before,
+            blind=self.blind + later.blind,
+            whole=self.whole and later.whole,
+        )
+
+
+class Pair(NamedTuple):
+    """Two windows, one after the other, the velocities in them (2, j), and their shortest pairs."""
+
+    first: FlowWindow
+    second: FlowWindow
+    velocities: Array
+    steps: int
+
+    @classmethod
+    def of(cls, gathered: Sequence[tuple[FlowWindow, Array]]) -> "Pair":
+        """From windows with their velocities (j,), as many in the first as in the second."""
+        windows, velocities, half = [], [], len(gathered) // 2
+        for part in (gathered[:half], gathered[half:]):
+            windows.append(reduce(FlowWindow.followed_by, (window for window, _ in part)))
+            displacement = sum(window.duration * velocity for window, velocity in part)
+            velocities.append(displacement / windows[-1].duration)
+        return cls(*windows, np.stack(velocities), half)
+
+    @property
+    def duration(self) -> float:
+        """Duration of both [s]."""
+        return self.first.duration + self.second.duration
+
+    @property
+    def velocity(self) -> Array:
+        """(j,) mean."""
+        of_both = np.array([[self.first.duration], [self.second.duration]])
+        return np.asarray((of_both * self.velocities).sum(axis=0) / self.duration)
+
+    @property
+    def acceleration(self) -> Array:
+        """(j,) between them."""
+        return np.asarray((self.velocities[1] - self.velocities[0]) * 2.0 / self.duration)
+
+    def without_motion(self, held: Flags) -> "Pair":
+        """Velocities of joints that stand (j,) are noise, and would pass for a load's."""
+        return self._replace(velocities=np.where(held, 0.0, self.velocities))
+
+    @property
+    def opened(self) -> Flags:
+        """(j,) whose valve was open for some time."""
+        both = np.abs(self.first.sums["null"]) + np.abs(self.second.sums["null"])
+        return np.asarray((both > 0.0).any(axis=1))
+
+    @property
+    def force(self) -> Array:
+        """(j,) forces of the pistons [N], averaged under a triangle as the acceleration is."""
+        rising = self.first.sums["moment"] / self.first.duration
+        second = self.second.sums
+        falling = second["impulse"] - second["moment"] / self.second.duration
+        return np.asarray((rising + falling) * 2.0 / self.duration)
 
 
 class PoseEstimate(NamedTuple):
