@@ -71,12 +71,16 @@ class Pair(NamedTuple):
     @classmethod
     def of(cls, gathered: Sequence[tuple[FlowWindow, Array]]) -> "Pair":
         """From windows with their velocities (j,), as many in the first as in the second."""
-        windows, velocities, half = [], [], len(gathered) // 2
-        for part in (gathered[:half], gathered[half:]):
-            windows.append(reduce(FlowWindow.followed_by, (window for window, _ in part)))
-            displacement = sum(window.duration * velocity for window, velocity in part)
-            velocities.append(displacement / windows[-1].duration)
-        return cls(*windows, np.stack(velocities), half)
+        steps = len(gathered) // 2
+        halves = gathered[:steps], gathered[steps:]
+        first, second = (
+            reduce(FlowWindow.followed_by, (window for window, _ in half)) for half in halves
+        )
+        velocities = [
+            np.average([v for _, v in half], axis=0, weights=[w.duration for w, _ in half])
+            for half in halves
+        ]
+        return cls(first, second, np.stack(velocities), steps)
 
     @property
     def duration(self) -> float:
