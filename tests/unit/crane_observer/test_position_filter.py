@@ -18,7 +18,15 @@ from crane_observer.position.flow import (
     add_interval,
     spools_of,
 )
-from crane_observer.position.state import StateLayout, Trust, carry, correct, relax
+from crane_observer.position.state import (
+    FlowWindow,
+    Pair,
+    StateLayout,
+    Trust,
+    carry,
+    correct,
+    relax,
+)
 
 Q, V, A = np.array([[0.4, -1.3, 0.5]]), np.array([[0.1, -0.05, 0.2]]), np.array([[0.2, 0.1, -0.1]])
 
@@ -109,10 +117,43 @@ def test_steady_flow_is_that_of_the_orifices() -> None:
     np.testing.assert_allclose(lever * sums["impulse"] / 0.1, force, rtol=1e-9)
 
 
+def test_short_windows_make_the_pair_that_long_ones_are() -> None:
+    """Of a piston whose force and speed change all the time."""
+    model, rng = crane(), np.random.default_rng(3)
+    circuit, spools = circuit_of(model), spools_of(model)
+    pressures, speeds = rng.uniform(2e6, 1e7, (5, 2, 3)), rng.uniform(-0.1, 0.1, (4, 3))
+
+    def windows(parts: list[range]) -> list[tuple[FlowWindow, np.ndarray]]:
+        found, commands, spool = [], Commands.none(3), np.zeros(3, SPOOL)
+        commands.add(0.0, np.full(3, 0.5))
+        for part in parts:
+            sums, begin, end = np.zeros(3, FLOW_SUMS), part[0], part[-1] + 1
+            for k in part:
+                add_interval(
+                    circuit, spools, commands, spool, 0.05 * begin, 0.05 * k, 0.05 * (k + 1),
+                    pressures[k], pressures[k + 1], 17e6, 25e6, sums,
+                )  # fmt: skip
+            window = FlowWindow(
+                0.05 * end, 0.05 * len(part), sums, pressures[begin], pressures[end],
+                np.zeros(3), np.zeros(3), True,
+            )  # fmt: skip
+            found.append((window, speeds[list(part)].mean(axis=0)))
+        return found
+
+    short = Pair.of(windows([range(k, k + 1) for k in range(4)]))
+    long = Pair.of(windows([range(2), range(2, 4)]))
+    for name in ("force", "velocity", "acceleration", "duration", "opened"):
+        np.testing.assert_allclose(getattr(short, name), getattr(long, name), rtol=1e-9)
+    assert (short.steps, long.steps) == (2, 1)
+    for joined, whole in ((short.first, long.first), (short.second, long.second)):
+        for name in ("time", "duration", "before", "after"):
+            np.testing.assert_allclose(getattr(joined, name), getattr(whole, name))
+
+
 def test_what_forces_do_not_bound_is_not_observable() -> None:
     """A pose that forces tell of two joints alone; as they forget, they tell of none."""
     layout, span = StateLayout.of(3), np.array([1.8, 2.6, 1.5])
-    watched = Observability(layout, span, Trust().spread(layout))
+    watched = Observability(layout, span, Trust().spread(layout), Trust().unknown)
     assert not watched.observable.any()
     rows = np.zeros((2, layout.size))
     rows[[0, 1], [0, 1]] = 1000.0  # of unit variance: 1 mrad each

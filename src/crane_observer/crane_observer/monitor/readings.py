@@ -255,7 +255,8 @@ class ReadingWatch:
 
     def found(self, time: float) -> list[SensorFinding]:
         stuck, noisy = self._of_all("stuck"), self._of_all("noisy")
-        noisy[-1] &= not self._follows_load  # else the loads shake the supply
+        if self._follows_load:  # the loads shake the supply, whose own noise is not known
+            stuck[-1] = noisy[-1] = False
         found = self._jumped(time)
         for k, (part, _) in enumerate(self.sensors):
             frozen = bool(stuck[k]) and part is not Part.ENCODER  # at rest an encoder is quiet

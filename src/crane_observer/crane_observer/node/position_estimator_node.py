@@ -35,7 +35,7 @@ from crane_observer.position.estimator import (
     PositionEstimator,
     WindowEstimate,
 )
-from crane_observer.position.filter import HEAVIEST, refuse_unserved
+from crane_observer.position.filter import refuse_unserved
 
 POSITION_VISIT = 0.01  # s between two visits to the queues
 POSITION_SILENCE = 0.5  # s without pressures, after which they are reported as lost
@@ -69,13 +69,7 @@ DEVIATION = Number(
     "start_deviation", START_DEVIATION, "rad or m", 1e-5, 1.0,
     "Standard deviation of start. At configure",
 )  # fmt: skip
-HEAVIEST_LOAD = Number(
-    "heaviest_load", HEAVIEST, "kg", 1.0, 1e5,
-    "Largest plausible load at the tip; above it the estimate is not valid. At configure",
-)  # fmt: skip
-PARAMETERS: tuple[NodeParameter, ...] = (
-    AUTOSTART, MACHINE, MODEL, WITHOUT, POSITION, DEVIATION, HEAVIEST_LOAD,
-)  # fmt: skip
+PARAMETERS: tuple[NodeParameter, ...] = (AUTOSTART, MACHINE, MODEL, WITHOUT, POSITION, DEVIATION)
 
 
 @dataclass(frozen=True)
@@ -86,7 +80,6 @@ class EstimatorStart:
     hidden: Flags  # (j,) joints whose encoders are not to be used
     position: Array | None  # (j,) rad, m; None: by the encoders
     deviation: float  # rad, m
-    heaviest: float  # kg
 
 
 class PositionHearing:
@@ -169,9 +162,7 @@ class PositionHearing:
         else:
             return None
         self._zero = stamp
-        self.estimator = PositionEstimator(
-            start.model, position, start.deviation, heaviest=start.heaviest
-        )
+        self.estimator = PositionEstimator(start.model, position, start.deviation)
         return self.estimator
 
 
@@ -208,9 +199,7 @@ class PositionEstimatorNode(ObserverNode):
         for warning in refuse_unserved(model, hidden):
             self.get_logger().warning(warning)
         position = np.array(start) if start else None
-        self._start = EstimatorStart(
-            model, hidden, position, DEVIATION.read(self), HEAVIEST_LOAD.read(self)
-        )
+        self._start = EstimatorStart(model, hidden, position, DEVIATION.read(self))
 
     def begin(self) -> None:
         self._hearing, self._told = PositionHearing(self._start), None

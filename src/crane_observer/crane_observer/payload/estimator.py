@@ -8,7 +8,6 @@ w(s) = (1 - s^2)^3, s from -1 to 1 over the window, the means of q, q' and q'' a
 each over Int w: so q is never differentiated, and forces averaged with w balance them.
 """
 
-import math
 from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple, Self
@@ -155,18 +154,14 @@ def means(time: Array, values: Array, begin: float, end: float) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def noise_of_mean(time: Array, values: Array, begin: float, end: float) -> Array:
-    """(k,) white noise of `values` (n, k) between `begin` and `end` [s], by their third
-    differences, over the root of their number: what motion changes is smooth.
+    """(k, k) covariance of white noise of `values` (n, k) between `begin` and `end` [s], by their
+    third differences, over their number: what motion changes is smooth. 0 where none are known.
     """
-    out = np.zeros(values.shape[1])
     first, last = np.searchsorted(time, begin), np.searchsorted(time, end, side="right")
-    for k in range(values.shape[1]):
-        column = values[first:last, k]
-        column = column[np.isfinite(column)]
-        if len(column) > 3:
-            third = column[3:] - 3.0 * column[2:-1] + 3.0 * column[1:-2] - column[:-3]
-            out[k] = math.sqrt((third**2).mean() / (THIRD_DIFFERENCE * len(column)))
-    return out
+    shown = values[first:last]
+    third = shown[3:] - 3.0 * shown[2:-1] + 3.0 * shown[1:-2] - shown[:-3]
+    third = np.where(np.isfinite(third), third, 0.0)
+    return third.T @ third / (THIRD_DIFFERENCE * max(len(third), 1) * max(len(shown), 1))
 
 
 @njit(cache=True, error_model="numpy")
@@ -372,7 +367,7 @@ class PayloadEstimator:
             np.exp(-np.abs(motion.velocity) / (CRAWLING * self._standing)),
             by_place,
             ~measured,
-            self._noise(end, balance),
+            *self._noise(end, balance),
         )
         changed = self._hypotheses.add(end, window)
         self._estimated_until = end
@@ -409,20 +404,16 @@ class PayloadEstimator:
             deviation = np.where(lost, estimate[0, 2 * j :], deviation)
         return MeanMotion(q, v, a, p[:j], p[j:]), speeds, deviation
 
-    def _noise(self, end: float, balance: TipBalance) -> Array:
-        """(j,) standard deviation of the balance by noise of the readings in a window [N m, N]."""
+    def _noise(self, end: float, balance: TipBalance) -> tuple[Array, Array]:
+        """(j,) standard deviation of the balance by noise of the pressures [N m, N], and (j, j)
+        covariance of the accelerations by that of the encoders.
+        """
         begin = end - PAYLOAD_WINDOW
-        acceleration = noise_of_mean(*self.encoders.held, begin, end)
-        acceleration *= BEND_NOISE / (0.5 * PAYLOAD_WINDOW) ** 2
-        pressure = LEVEL_NOISE * noise_of_mean(*self.pressures.held, begin, end)
-        piston = np.hypot(*np.split(pressure, 2))
-        load = float(self._hypotheses.believed.filter.x[MASS])
-        inertia = balance.inertia + load * balance.inertia_of_load
-        found: Array = np.hypot(
-            np.linalg.norm(inertia * acceleration, axis=1),
-            np.linalg.norm(balance.by_pressure * piston, axis=1),
-        )
-        return found
+        shaken = noise_of_mean(*self.encoders.held, begin, end)
+        shaken *= (BEND_NOISE / (0.5 * PAYLOAD_WINDOW) ** 2) ** 2
+        pressure = LEVEL_NOISE**2 * np.diag(noise_of_mean(*self.pressures.held, begin, end))
+        piston = np.sum(np.split(pressure, 2), axis=0)
+        return np.sqrt(balance.by_pressure**2 @ piston), shaken
 
     def _contradicted(self, end: float) -> Flags:
         """(j,) whether the flow contradicts each encoder, or has done so within the window."""

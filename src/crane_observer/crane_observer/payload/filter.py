@@ -32,7 +32,7 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.record import Record
-from crane_observer.position.state import NUDGE, Trust, correct, relax
+from crane_observer.position.state import NUDGE, UNKNOWN_LOAD, Trust, correct, relax
 
 SLOWER = 1e-2  # share of the velocity, for what grows with it
 SHARE_POWER = 4.0 / 3.0  # of the position estimator's share: no flow is used here
@@ -40,10 +40,7 @@ SHARE_POWER = 4.0 / 3.0  # of the position estimator's share: no flow is used he
 ESTIMATED_VELOCITY = 0.1  # of a velocity that no encoder measures, how wrong it may be
 ESTIMATED_ACCELERATION = 1.0  # the same of an acceleration
 
-UNKNOWN_SHARE = 0.77  # of what the drives hold: standard deviation of a load that is not known
-POSES_PER_JOINT = 5  # in which it is seen what they hold
-HOLDS_LITTLE = 1.0  # N m/kg, N/kg: a joint that 1 kg loads by less does not hold it
-TOOL_SHARE, DRIFT_SHARE = 5e-3, 5e-4  # of `ModelDoubt.unknown`
+TOOL_SHARE = 5e-3  # of `ModelDoubt.unknown`
 FAR = 0.5  # m beyond the tip, of the centre of such a load
 TARED = 0.05  # kg, kg m: how well a tare is zero
 WINDOW_OUTLYING = 3.0  # standard deviations, from which on a measurement counts less
@@ -75,7 +72,7 @@ class TipBalance(NamedTuple):
     viscous: Array  # (j,) the part that grows with the velocity
     inertial: Array  # (j,) the part that accelerates
     inertia: Array  # (j, j) for 1 rad/s2, 1 m/s2 more of each joint
-    inertia_of_load: Array  # (j, j) the same, of 1 kg at the tip
+    inertia_of_load: Array  # (2, j, j) the same, of 1 kg at the tip, and of 1 kg m about it
     mass: Array  # (j,) h_m [N m/kg, N/kg]
     moment: Array  # (j,) h_s [1/kg m of these]
     by_pressure: Array  # (j, j) for 1 Pa more in chamber A of each cylinder
@@ -130,7 +127,7 @@ class TipMechanics:
             viscous=(asked - slower) / SLOWER,
             inertial=asked - resting,
             inertia=(np.array(by_joint) - resting).T,
-            inertia_of_load=self._inertia_of_load(q),
+            inertia_of_load=np.stack([self._inertia_of_load(body, q) for body in self.bodies]),
             mass=carried[0],
             moment=carried[1],
             by_pressure=by_pressure,
@@ -141,26 +138,6 @@ class TipMechanics:
         whole = np.zeros((len(positions), len(self.machine.joint_names)))
         whole[:, self.columns] = positions
         return gravity_forces(self.machine.chain, self.bodies[0], whole)[:, self.columns]
-
-    @property
-    def heaviest(self) -> float:
-        """Load at the tip [kg] that the drives hold in each pose at supply pressure, without the
-        machine's own weight; infinite if no joint carries it.
-        """
-        machine, joints = self.machine, self.model.joints
-        ranges = [
-            np.linspace(limits.position_min, limits.position_max, POSES_PER_JOINT)
-            for limits in (machine.limits[joint] for joint in joints)
-        ]
-        poses = np.stack(np.meshgrid(*ranges), axis=-1).reshape(-1, len(joints))
-        weights, held = self.weights(poses), np.inf
-        for weight, q, joint in zip(weights.T, poses.T, joints, strict=True):
-            actuator, lever = machine.cylinders[joint], machine.cylinder(joint, q)[:, 1]
-            area = np.where(lever * weight > 0.0, actuator.area_a, actuator.area_b)
-            force = np.abs(lever) * area * machine.hydraulics.supply_pressure
-            loaded = np.abs(weight) > HOLDS_LITTLE
-            held = min(held, float((force[loaded] / np.abs(weight[loaded])).min(initial=np.inf)))
-        return held
 
     def slopes(self, motion: MeanMotion, load: float) -> Array:
         """(j, j) of force less what is asked with a load [kg], row by joint, against positions."""
@@ -200,13 +177,13 @@ class TipMechanics:
         )
         return self.model.predict(record)
 
-    def _inertia_of_load(self, q: Array) -> Array:
-        """(j, j) force of each joint for 1 rad/s2, 1 m/s2 of each, with 1 kg at the tip."""
+    def _inertia_of_load(self, body: Array, q: Array) -> Array:
+        """(j, j) what the body asks of each joint for 1 rad/s2, 1 m/s2 of each."""
         rows = len(self.columns) + 1
         whole = np.zeros((3, rows, len(self.machine.joint_names)))
         whole[0][:, self.columns] = q
         whole[2][1:, self.columns] = np.eye(rows - 1)
-        found = inverse_dynamics(self.machine.chain, self.bodies[0], *whole)[:, self.columns]
+        found = inverse_dynamics(self.machine.chain, body, *whole)[:, self.columns]
         inertia: Array = (found[1:] - found[0]).T
         return inertia
 
@@ -253,7 +230,7 @@ class ModelDoubt(NamedTuple):
     place_stays: float = 60.0  # s, of errors of an estimated position
     noise: float = 0.2e5  # Pa, of a window, of the piston's force
     inertia: float = 0.1  # of the force that accelerates: encoders tell acceleration badly
-    unknown: float = 100.0  # kg, of a load of which nothing is known
+    unknown: float = UNKNOWN_LOAD  # kg
     tool: float = 0.5  # kg, of what the model has at the tip
     drift: float = 0.05  # kg/sqrt(s), of a load that nobody changes
 
@@ -262,11 +239,10 @@ class ModelDoubt(NamedTuple):
         """As far as the model deserves it, as the position estimator judges it; a load as its
         machine can hold it.
         """
-        heaviest = TipMechanics.of(model).heaviest
-        unknown = UNKNOWN_SHARE * heaviest if math.isfinite(heaviest) else cls().unknown
-        share = (Trust.of(model).dry / Trust().dry) ** SHARE_POWER
+        trust = Trust.of(model)
+        share, unknown = (trust.dry / Trust().dry) ** SHARE_POWER, trust.unknown
         blamed = ("zero", "slow", "dry", "viscous", "carried", "crawl", "noise", "tool", "drift")
-        full = cls(unknown=unknown, tool=TOOL_SHARE * unknown, drift=DRIFT_SHARE * unknown)
+        full = cls(unknown=unknown, tool=TOOL_SHARE * unknown, drift=trust.load_drift * unknown)
         return full._replace(**{name: share * getattr(full, name) for name in blamed})
 
     @property
@@ -295,7 +271,8 @@ class Balanced(NamedTuple):
     crawling: Array  # (j,) how near to stopping, 0 to 1
     by_place: Array  # (j, j) force for a standard deviation of each position; 0 of measured ones
     unmeasured: Flags  # (j,) whose motion no encoder measures that is to be believed
-    noise: Array  # (j,) N m, N: standard deviation of the balance by noise of the readings
+    noise: Array  # (j,) N m, N: standard deviation of the balance by noise of the pressures
+    shaken: Array  # (j, j) covariance of the accelerations by noise of the encoders
 
 
 class LoadFilter:
@@ -343,8 +320,8 @@ class LoadFilter:
         self.P[[MASS, MOMENT], [MASS, MOMENT]] += TARED**2
 
     def innovation(self, window: Balanced) -> tuple[Array, Array, Array]:
-        """Slopes (r, size), innovations and variances (r,) of the joints that tell something."""
-        return innovation(self.x, window, self.doubt)
+        """Slopes (j, size), innovations (j,) and the covariance (j, j) of their noise."""
+        return innovation(self.x, window, self.doubt)[:3]
 
     def begin(self, window: Balanced) -> None:
         """Time goes by, and joints that stop are held by friction of their own."""
@@ -376,13 +353,13 @@ def begin(
 
 
 @njit(cache=True, error_model="numpy")
-def innovation(x: Array, window: Balanced, doubt: ModelDoubt) -> tuple[Array, Array, Array]:
-    """Slopes (r, size), innovations and variances (r,) of the joints that tell something, with
-    the state x (size,).
+def innovation(x: Array, window: Balanced, doubt: ModelDoubt) -> tuple[Array, Array, Array, Array]:
+    """Slopes (j, size) about the state x (size,), innovations (j,), the covariance (j, j) of their
+    noise, and that of the noise of accelerations with it (j, j).
     """
     balance, joints = window.balance, len(window.moving)
     H, innovation = np.zeros((joints, len(x))), np.zeros(joints)
-    variance, told = np.zeros(joints), np.zeros(joints, dtype=np.bool_)
+    variance = np.zeros(joints)
     for j in range(joints):
         moving = window.moving[j]
         up, down = balance.up[j], balance.down[j]
@@ -397,40 +374,50 @@ def innovation(x: Array, window: Balanced, doubt: ModelDoubt) -> tuple[Array, Ar
             lever += abs(balance.by_pressure[j, k])
         H[j, KINDS_FROM + LoadState.VISCOUS * joints + j] = balance.viscous[j]
         variance[j] = (lever * doubt.noise) ** 2 + window.noise[j] ** 2
-        inertia = ESTIMATED_ACCELERATION if window.unmeasured.any() else doubt.inertia
-        variance[j] += (inertia * balance.inertial[j]) ** 2
+        unsure = ESTIMATED_ACCELERATION if window.unmeasured.any() else doubt.inertia
+        variance[j] += (unsure * balance.inertial[j]) ** 2
         if window.unmeasured[j]:
             variance[j] += (ESTIMATED_VELOCITY * balance.viscous[j]) ** 2
-        by_load = 0.0
+        sign = 0.0
         carried_place = KINDS_FROM + LoadState.CARRIED * joints + j
         if moving:
             carried = balance.asked[j] - balance.viscous[j] - balance.inertial[j]
             carried = carried + x[MASS] * balance.mass[j]
-            by_load = np.sign(dry * carried)
+            sign = np.sign(dry * carried)
             H[j, KINDS_FROM + LoadState.DRY * joints + j] = dry
             H[j, KINDS_FROM + LoadState.CRAWL * joints + j] = dry * window.crawling[j]
-            H[j, carried_place] = by_load * carried
+            H[j, carried_place] = sign * carried
         else:
             H[j, KINDS_FROM + LoadState.STICK * joints + j] = half_range
             variance[j] += (half_range * doubt.creep) ** 2
         known = balance.asked[j] + (dry if moving else middle)
         innovation[j] = balance.force[j] - known - H[j] @ x
-        H[j, MASS] += x[carried_place] * by_load * balance.mass[j]
-        told[j] = np.isfinite(innovation[j] + variance[j])
-    return H[told], innovation[told], variance[told]
+        H[j, MASS] += x[carried_place] * sign * balance.mass[j]
+    by_load = balance.inertia_of_load
+    inertia = balance.inertia + (x[MASS] + x[TARE]) * by_load[0] + x[MOMENT] * by_load[1]
+    shared = window.shaken @ inertia.T
+    return H, innovation, np.diag(variance) + inertia @ shared, shared
 
 
 @njit(cache=True, error_model="numpy")
 def take(x: Array, P: Array, window: Balanced, doubt: ModelDoubt) -> float:
     """In place, when the window has begun. See `LoadFilter.take`."""
-    H, away, variance = innovation(x, window, doubt)
-    spread = H @ P @ H.T + np.diag(variance)
+    H, away, noise, shared = innovation(x, window, doubt)
+    spread = H @ P @ H.T + noise
     squared = away @ np.linalg.solve(spread, away)
     likelihood = -0.5 * (TAIL + len(away)) * math.log1p(squared / TAIL)
     likelihood -= 0.5 * np.linalg.slogdet(spread)[1]
     far = np.abs(away) / np.sqrt(np.diag(spread))
-    variance = variance * np.maximum(1.0, far / WINDOW_OUTLYING) ** 2
-    correct(x, P, H, away, variance, len(x))
+    wider = np.diag(np.maximum(1.0, far / WINDOW_OUTLYING))
+    noise = wider @ noise @ wider
+    # Slopes and innovations share the noise of the accelerations, by which every load would seem
+    # lighter. So the slopes take the accelerations that the forces make likely.
+    shaken = shared @ np.linalg.solve(H @ P @ H.T + noise, away)
+    H[:, MASS] += window.balance.inertia_of_load[0] @ shaken
+    H[:, TARE] += window.balance.inertia_of_load[0] @ shaken
+    H[:, MOMENT] += window.balance.inertia_of_load[1] @ shaken
+    white = np.linalg.inv(np.linalg.cholesky(noise))
+    correct(x, P, white @ H, white @ away, np.ones(len(away)), len(x))
     stick = KINDS_FROM + LoadState.STICK * len(window.moving)
     for place in range(stick, stick + len(window.moving)):
         x[place] = min(max(x[place], -1.0), 1.0)
@@ -488,9 +475,9 @@ def attainable(known: LoadFilter, window: Balanced) -> float:
     """Standard deviation [kg] that an estimate can have in this pose and motion, however long it
     takes: what a model may be wrong about stays.
     """
-    H, _, variance = known.innovation(window)
+    H, _, noise = known.innovation(window)
     load, H = H[:, MASS].copy(), H.copy()
     H[:, :KINDS_FROM] = 0.0
     prior = known.prior
-    information = load @ np.linalg.solve((H * prior**2) @ H.T + np.diag(variance), load)
+    information = load @ np.linalg.solve((H * prior**2) @ H.T + noise, load)
     return math.inf if information <= 0.0 else 1.0 / math.sqrt(float(information))

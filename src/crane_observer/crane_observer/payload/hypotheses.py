@@ -30,7 +30,7 @@ from crane_observer.payload.filter import (
     load_of,
     mean_load,
 )
-from crane_observer.position.state import MISSING_LOAD
+from crane_observer.position.state import MISSING_SHARE
 
 CHANGE_EVIDENCE = 10.0  # logarithm of how much better another load must predict than the same load
 SELDOM = math.log(50.0)  # a load comes or goes with one window of so many, of a crane that stands
@@ -100,7 +100,7 @@ def possible(load_filter: LoadFilter) -> float:
     """Logarithm of how likely it is that what hangs there weighs something."""
     x, P = load_filter.x, load_filter.P
     load = load_of(x, P)
-    hung = load.mass + float(x[TARE]) + MISSING_LOAD
+    hung = load.mass + float(x[TARE]) + MISSING_SHARE * load_filter.doubt.unknown
     return float(log_ndtr(hung / math.hypot(load.deviation, math.sqrt(P[TARE, TARE]))))
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_model.chain.dynamics import inverse_dynamics
+from crane_model.chain.dynamics import inverse_dynamics, tip_bodies
 from crane_model.hydraulics.simulation import circuit_of, identified
 from crane_model.hydraulics.stepping import Circuit, chamber_volumes
 from crane_model.machine import Machine
@@ -20,6 +20,7 @@ from crane_observer.position.state import (
     STANDING,
     FlowWindow,
     Gaussian,
+    Pair,
     StateLayout,
     Trust,
     flow_share,
@@ -71,12 +72,8 @@ class LoadedMechanics:
         """`ConfigurationError` if the model has no hydraulics or no values."""
         machine, _ = identified(model)
         assert model.theta is not None  # or the error that names the remedy
-        x, y, z = machine.chain.tip_translation
-        tip = np.zeros((len(machine.joints), 10))
-        tip[-1] = (1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z,
-                   x * x + y * y)  # fmt: skip
         columns = np.array([machine.index(joint) for joint in model.joints])
-        return cls(model, machine, columns, tip)
+        return cls(model, machine, columns, tip_bodies(machine.chain)[0])
 
     def cylinders(self, q: Array) -> Array:
         """(n, j) to (n, j, 3): length, lever arm and its derivative; NaN if impossible."""
@@ -191,7 +188,8 @@ class Known:
     @property
     def load_drift(self) -> float:
         """kg/sqrt(s): behind a valve that is not identified, no surprise tells of a new load."""
-        return ASSUMED_VALVE.load_drift if self.assumed.any() else self.trust.load_drift
+        drift = ASSUMED_VALVE.load_drift if self.assumed.any() else self.trust.load_drift
+        return drift * self.trust.unknown
 
     @property
     def stroke(self) -> Array:
@@ -202,6 +200,16 @@ class Known:
     def standing(self) -> Array:
         """(j,) speed below which a joint stands."""
         return STANDING * self.fastest
+
+    @property
+    def balance_steps(self) -> float:
+        """Shortest pairs of windows in a force balance of the length that suits the readings.
+
+        Noise of the pressures moves the pistons by the oil, and so shakes the inertial forces, the
+        less the longer the balance lasts, by the square. They shall be shaken no more than by
+        pressures as they are trusted.
+        """
+        return math.sqrt(float(self.reading.max()) / self.trust.reading)
 
 
 class Stroke(NamedTuple):
@@ -316,20 +324,21 @@ class Resting:
     def all_stand(self) -> bool:
         return bool((self._rested > COMING_TO_REST).all())
 
-    def judge(self, before: Array, after: Array, doubt: Array, opened: Flags) -> Motions:
-        """Possible errors (j,) of velocities (j,) in two windows, and the open valves (j,)."""
+    def judge(self, pair: Pair, doubt: Array) -> Motions:
+        """The motions of two windows, with the possible errors (j,) of their velocities."""
+        (before, after), opened, steps = pair.velocities, pair.opened, pair.steps
         slowest = np.minimum(np.abs(before), np.abs(after))
         change = np.abs(after - before)  # where it is as fast, it may have turned between
         least = np.maximum.reduce([self._known.standing, change, CLEAR_MOTION * doubt])
         steady = (slowest > least) & (before * after > 0.0)
         direction = np.where(steady, np.sign(before + after), 0.0)
-        self._stood = np.where(steady, np.maximum(self._stood - 1, -1), self._starting)
-        self._slow = np.where(steady, 0, self._slow + 1)
-        self._rested = np.where(steady | opened, 0, self._rested + 1)
+        self._stood = np.where(steady, np.maximum(self._stood - steps, -1), self._starting)
+        self._slow = np.where(steady, 0, self._slow + steps)
+        self._rested = np.where(steady | opened, 0, self._rested + steps)
         moves, held = self._stood < 0, self._rested > COMING_TO_REST
         return Motions(direction, moves, held, ~moves & ~held & (self._slow <= COMING_TO_REST))
 
-    def hold(self, state: Gaussian, asked: Array, dry: Array) -> None:
+    def hold(self, state: Gaussian, asked: Array, dry: Array, steps: int) -> None:
         """Friction of joints that are held, in place.
 
         It is drawn where a joint has come to rest. It changes as far as what it has to hold,
@@ -340,7 +349,7 @@ class Resting:
         layout, most = self._known.layout, self._known.trust.held**2
         change = np.abs(asked - self._asked)
         counts = change > HELD_CHANGE * dry
-        lost = FRICTION_CREEP / np.maximum(self._rested, 1)
+        lost = FRICTION_CREEP * steps / np.maximum(self._rested, 1)
         lost = lost + np.where(counts, change / np.maximum(dry, SMALLEST), 0.0)
         drawn = self._rested <= COMING_TO_REST + 1
         self._asked = np.where(counts | drawn, asked, self._asked)
@@ -351,48 +360,6 @@ class Resting:
         added[layout.held] = np.where(drawn, most, wider)
         state.relax(decay, added)
         state.x[layout.held] = np.clip(state.x[layout.held], -LARGEST_HELD, LARGEST_HELD)
-
-
-class Pair(NamedTuple):
-    """Two windows, one after the other, and the velocities in them (2, j)."""
-
-    first: FlowWindow
-    second: FlowWindow
-    velocities: Array
-
-    @property
-    def duration(self) -> float:
-        """Duration of both [s]."""
-        return self.first.duration + self.second.duration
-
-    @property
-    def velocity(self) -> Array:
-        """(j,) mean."""
-        of_both = np.array([[self.first.duration], [self.second.duration]])
-        return np.asarray((of_both * self.velocities).sum(axis=0) / self.duration)
-
-    @property
-    def acceleration(self) -> Array:
-        """(j,) between them."""
-        return np.asarray((self.velocities[1] - self.velocities[0]) * 2.0 / self.duration)
-
-    def without_motion(self, held: Flags) -> "Pair":
-        """Velocities of joints that stand (j,) are noise, and would pass for a load's."""
-        return self._replace(velocities=np.where(held, 0.0, self.velocities))
-
-    @property
-    def opened(self) -> Flags:
-        """(j,) whose valve was open for some time."""
-        both = np.abs(self.first.sums["null"]) + np.abs(self.second.sums["null"])
-        return np.asarray((both > 0.0).any(axis=1))
-
-    @property
-    def force(self) -> Array:
-        """(j,) forces of the pistons [N], averaged under a triangle as the acceleration is."""
-        rising = self.first.sums["moment"] / self.first.duration
-        second = self.second.sums
-        falling = second["impulse"] - second["moment"] / self.second.duration
-        return np.asarray((rising + falling) * 2.0 / self.duration)
 
 
 class BalanceRows(NamedTuple):

@@ -11,7 +11,7 @@ from crane_model.array import Array, Flags
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_observer.position.balance import Known
-from crane_observer.position.filter import HEAVIEST, Hypotheses, Observability
+from crane_observer.position.filter import Hypotheses, Observability
 from crane_observer.position.flow import (
     FLOW_SUMS,
     MOST_BY_WEIGHT,
@@ -20,7 +20,13 @@ from crane_observer.position.flow import (
     add_interval,
     spools_of,
 )
-from crane_observer.position.state import MISSING_LOAD, FlowWindow, PoseEstimate, Trust
+from crane_observer.position.state import (
+    HEAVIEST_SHARE,
+    MISSING_SHARE,
+    FlowWindow,
+    PoseEstimate,
+    Trust,
+)
 
 POSITION_WINDOW = 0.05  # s
 WINDOW_EARLY = 0.002  # s, before its time, that a window may end
@@ -108,8 +114,6 @@ class PositionEstimator:
         Standard deviation of the start [rad, m].
     trust
         How far the model is trusted; by default as its standard deviations deserve.
-    heaviest
-        The heaviest load that may hang at the tip [kg].
 
     Raises
     ------
@@ -123,9 +127,8 @@ class PositionEstimator:
         position: Array,
         deviation: float = START_DEVIATION,
         trust: Trust | None = None,
-        heaviest: float = HEAVIEST,
     ):
-        self.model, self._heaviest = model, heaviest
+        self.model = model
         joints = len(model.joints)
         self._noise = ReadingNoise(joints, ENCODER_DEVIATION)
         known = Known.of(model, self._noise.deviation, trust)
@@ -134,7 +137,8 @@ class PositionEstimator:
         self._commands, self._spool = Commands.none(joints), np.zeros(joints, SPOOL)
         self._hypotheses = Hypotheses(known, position, np.full(joints, deviation))
         span = known.high - known.low
-        self._observability = Observability(known.layout, span, known.spread, heaviest)
+        unknown = known.trust.unknown
+        self._observability = Observability(known.layout, span, known.spread, unknown)
         self._sums = np.zeros(joints, FLOW_SUMS)
         self._begin = self._newest = np.nan
         self._before = self._last = np.zeros((2, joints))
@@ -309,8 +313,9 @@ class PositionEstimator:
         self, estimate: PoseEstimate, measured: Flags, cut_off: bool, unserved: bool
     ) -> EstimatorCondition:
         """The worst that is the case."""
-        unsure = LOAD_CERTAIN * estimate.deviation[-1]
-        if not -unsure - MISSING_LOAD < estimate.load < self._heaviest + unsure:
+        unsure, unknown = LOAD_CERTAIN * estimate.deviation[-1], self._known.trust.unknown
+        least, most = -MISSING_SHARE * unknown - unsure, HEAVIEST_SHARE * unknown + unsure
+        if not least < estimate.load < most:
             return EstimatorCondition.LOAD_IMPOSSIBLE
         if unserved:
             return EstimatorCondition.UNSERVED

@@ -25,13 +25,12 @@ from crane_observer.position.balance import (
     SMALLEST,
     ForceBalance,
     Known,
-    Pair,
     Resting,
     balance_rows,
     moved,
 )
 from crane_observer.position.flow import MOST_BY_WEIGHT
-from crane_observer.position.state import FlowWindow, Gaussian, PoseEstimate, StateLayout
+from crane_observer.position.state import FlowWindow, Gaussian, Pair, PoseEstimate, StateLayout
 
 BALANCE_OUTLYING = 2.5  # standard deviations, from which on a measurement counts less
 SURPRISE = 5.0  # standard deviations of a load that comes or goes, in the sum over some windows
@@ -43,7 +42,6 @@ SET_ASIDE_IN_A_ROW = 3  # windows; what stays is no slip of a sensor
 
 MEMORY = 30.0  # s, in which half of the information of the force balance is forgotten
 OBSERVABLE_SHARE = 0.02  # of the range of a joint, one standard deviation of an observable one
-HEAVIEST = 200.0  # kg, what may hang at the tip
 POSES = 256  # that are looked at for what the weight tells
 
 START_POINTS = 4  # of the range of each joint whose start is not known
@@ -100,7 +98,7 @@ class Filter:
         self.velocity = np.zeros(layout.joints)
         self._jitter = np.zeros(layout.joints)  # of a position, by noise of pressures
         self._doubt = np.zeros(layout.joints)  # of a velocity, by transducers that are off
-        self._first: tuple[FlowWindow, Array] | None = None
+        self._gathered: tuple[tuple[FlowWindow, Array], ...] = ()  # windows and their velocities
         self.likelihood = 0.0
         self.rows = np.zeros((0, layout.size))  # of the last force balance, of unit variance
         self._resting, self._surprise = Resting(known), Surprise()
@@ -132,16 +130,11 @@ class Filter:
         self._doubt = np.where(seen, 0.0, found.doubt / window.duration)
         surprised = False
         self.rows = np.zeros((0, layout.size))
-        if not window.whole:
-            self._first = None
-        elif self._first is None:
-            self._first = window, self.velocity
-        else:
-            first, before = self._first
-            surprised = self._correct_by_forces(
-                Pair(first, window, np.stack([before, self.velocity]))
-            )
-            self._first = None
+        self._gathered = (*self._gathered, (window, self.velocity)) if window.whole else ()
+        steps, odd = divmod(len(self._gathered), 2)
+        if not odd and steps and steps + 0.5 > self.known.balance_steps:
+            surprised = self._correct_by_forces(Pair.of(self._gathered))
+            self._gathered = ()
         self.position[:] = np.clip(self.position, self.known.low, self.known.high)
         covariance = self.state.P[np.ix_(layout.told, layout.told)]
         covariance[-1, -1] += self._hidden_load**2
@@ -166,14 +159,13 @@ class Filter:
     def _correct_by_forces(self, pair: Pair) -> bool:
         """Correct by the force balance between two windows; whether the load changed."""
         known, layout = self.known, self.known.layout
-        before, after = pair.velocities
-        motions = self._resting.judge(before, after, self._doubt, pair.opened)
+        motions = self._resting.judge(pair, self._doubt)
         pair = pair.without_motion(motions.held)
-        q = self.position - 0.5 * pair.duration * pair.velocity
+        q = self.position - pair.second.duration * pair.velocities[1]
         motion = q[np.newaxis], pair.velocity[np.newaxis], pair.acceleration[np.newaxis]
         balance = ForceBalance(*(values[0] for values in known.mechanics.balance(*motion)))
         asked = balance.smooth + self.state.x[layout.load] * balance.load
-        self._resting.hold(self.state, asked, balance.dry)
+        self._resting.hold(self.state, asked, balance.dry, pair.steps)
         cylinders = known.mechanics.cylinders(q[np.newaxis])[0]
         found = balance_rows(known, self.state, balance, pair, motions, cylinders, self._jitter)
         if not len(found.innovation):
@@ -186,7 +178,7 @@ class Filter:
             return False  # what follows tells
         if surprised:
             added = np.zeros(layout.size)
-            added[layout.load] = known.trust.load**2
+            added[layout.load] = (known.trust.load * known.trust.unknown) ** 2
             self.state.relax(np.ones(layout.size), added)
         H, innovation = found.white()
         away = np.abs(innovation) / np.sqrt(1.0 + np.einsum("ik,kl,il->i", H, self.state.P, H))
@@ -215,11 +207,11 @@ class Observability:
     model's errors and nothing of positions and load; a position is observable if this bounds it.
     """
 
-    def __init__(self, layout: StateLayout, span: Array, spread: Array, heaviest: float = HEAVIEST):
-        """Joints have a `span` (j,), errors a `spread` (size,)."""
+    def __init__(self, layout: StateLayout, span: Array, spread: Array, unknown: float):
+        """Joints have a `span` (j,), errors a `spread` (size,), `unknown` loads [kg] as well."""
         self._layout, self._span = layout, span
         known = spread.copy()
-        known[layout.position], known[layout.load] = span, heaviest
+        known[layout.position], known[layout.load] = span, unknown
         self._prior = np.diag(1.0 / known**2)
         self._information = np.zeros((layout.size, layout.size))
 

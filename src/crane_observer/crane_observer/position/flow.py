@@ -41,7 +41,7 @@ class AssumedValve:
     oversized: float = 3.0  # speed at full opening over the fastest that the joint may move
     gain_doubt: float = 0.8  # of the flow, one standard deviation
     gain_stays: float = 3.0  # s: at other openings it is another one
-    load_drift: float = 5.0  # kg/sqrt(s)
+    load_drift: float = 0.05  # 1/sqrt(s), of an unknown load
     null_doubt: float = 0.03  # of the stroke
     stroke_doubt: float = 0.1  # of the stroke of a window, beside these
     dead_band: float = 0.05  # of the stroke

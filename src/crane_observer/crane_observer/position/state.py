@@ -1,15 +1,19 @@
 """State of the position estimator and the belief in it: an extended Kalman filter."""
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import NamedTuple, Self
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
+from crane_model.chain.dynamics import gravity_forces, tip_bodies
+from crane_model.machine import Machine
 from crane_model.model_file import Model
 
 FRICTION_DOUBT_OF_POOR_MODEL = 0.01  # standard deviation over value
@@ -21,7 +25,12 @@ DOUBT_POWER = 1.5  # of the doubt in friction with which what a fit leaves unexp
 NOISE_PROBABILITY = 0.01  # from which on what is unexplained of a flow is noise of readings
 NUDGE = 1e-4  # rad, rad/s, m or m/s, for slopes
 STANDING = 0.02  # of the fastest that a joint may move, below which it counts as standing
-MISSING_LOAD = 10.0  # kg that may be missing at the tip, of what the model has there
+UNKNOWN_LOAD = 100.0  # kg, standard deviation of a load of which nothing is known
+UNKNOWN_SHARE = 0.77  # of the load that the drives hold, where one is known: the same
+POSES_PER_JOINT = 5  # in which it is seen what they hold
+HOLDS_LITTLE = 1.0  # N m/kg, N/kg: a joint that 1 kg loads by less does not hold it
+MISSING_SHARE = 0.1  # of an unknown load, that the tip may lack of what the model has there
+HEAVIEST_SHARE = 2.0  # of an unknown load, what may hang at the tip
 
 
 class FlowWindow(NamedTuple):
@@ -35,6 +44,77 @@ class FlowWindow(NamedTuple):
     encoders: Array  # (j,) rad or m at its end; NaN where there is none
     blind: Array  # (j,) s of it in which the flow is not known
     whole: bool  # pressures were measured all the time
+
+    def followed_by(self, later: "FlowWindow") -> "FlowWindow":
+        """Both as one window."""
+        sums = self.sums.copy()
+        for name in sums.dtype.names or ():
+            sums[name] += later.sums[name]
+        sums["moment"] += self.duration * later.sums["impulse"]
+        return later._replace(
+            duration=self.duration + later.duration,
+            sums=sums,
+            before=self.before,
+            blind=self.blind + later.blind,
+            whole=self.whole and later.whole,
+        )
+
+
+class Pair(NamedTuple):
+    """Two windows, one after the other, the velocities in them (2, j), and their shortest pairs."""
+
+    first: FlowWindow
+    second: FlowWindow
+    velocities: Array
+    steps: int
+
+    @classmethod
+    def of(cls, gathered: Sequence[tuple[FlowWindow, Array]]) -> "Pair":
+        """From windows with their velocities (j,), as many in the first as in the second."""
+        steps = len(gathered) // 2
+        halves = gathered[:steps], gathered[steps:]
+        first, second = (
+            reduce(FlowWindow.followed_by, (window for window, _ in half)) for half in halves
+        )
+        velocities = [
+            np.average([v for _, v in half], axis=0, weights=[w.duration for w, _ in half])
+            for half in halves
+        ]
+        return cls(first, second, np.stack(velocities), steps)
+
+    @property
+    def duration(self) -> float:
+        """Duration of both [s]."""
+        return self.first.duration + self.second.duration
+
+    @property
+    def velocity(self) -> Array:
+        """(j,) mean."""
+        of_both = np.array([[self.first.duration], [self.second.duration]])
+        return np.asarray((of_both * self.velocities).sum(axis=0) / self.duration)
+
+    @property
+    def acceleration(self) -> Array:
+        """(j,) between them."""
+        return np.asarray((self.velocities[1] - self.velocities[0]) * 2.0 / self.duration)
+
+    def without_motion(self, held: Flags) -> "Pair":
+        """Velocities of joints that stand (j,) are noise, and would pass for a load's."""
+        return self._replace(velocities=np.where(held, 0.0, self.velocities))
+
+    @property
+    def opened(self) -> Flags:
+        """(j,) whose valve was open for some time."""
+        both = np.abs(self.first.sums["null"]) + np.abs(self.second.sums["null"])
+        return np.asarray((both > 0.0).any(axis=1))
+
+    @property
+    def force(self) -> Array:
+        """(j,) forces of the pistons [N], averaged under a triangle as the acceleration is."""
+        rising = self.first.sums["moment"] / self.first.duration
+        second = self.second.sums
+        falling = second["impulse"] - second["moment"] / self.second.duration
+        return np.asarray((rising + falling) * 2.0 / self.duration)
 
 
 class PoseEstimate(NamedTuple):
@@ -105,8 +185,9 @@ class Trust:
     viscous: float = 0.05  # of viscous friction
     friction_stays: float = 60.0  # s
     held: float = 1.0  # of dry friction, that holds a joint which stands
-    load: float = 60.0  # kg, of a load that has just come or gone
-    load_drift: float = 0.05  # kg/sqrt(s)
+    unknown: float = UNKNOWN_LOAD  # kg
+    load: float = 0.6  # of an unknown load, of one that has just come or gone
+    load_drift: float = 5e-4  # 1/sqrt(s), of an unknown load
     stroke: float = 0.005  # of the stroke of a window, beside gains
     noise: float = 0.5e5  # Pa, of a window's force balance, beside what stays
     inertia: float = 0.05  # of the force that accelerates
@@ -115,7 +196,9 @@ class Trust:
 
     @classmethod
     def of(cls, model: Model) -> "Trust":
-        """Trust in the model: standard deviations of friction show how far (13) is off."""
+        """Trust in the model: standard deviations of friction show how far (13) is off, and what
+        the drives hold shows how heavy a load may be.
+        """
         doubts = [0.0]
         for term, part in zip(model.terms, map(model.part, model.terms), strict=True):
             if not term.is_friction() or model.std_devs is None:
@@ -124,7 +207,8 @@ class Trust:
                 if parameter.minimum == 0.0 and model.theta[k] > 0.0:
                     doubt = float(model.std_devs[k] / model.theta[k])
                     doubts.append(doubt / FRICTION_DOUBT_OF_POOR_MODEL)
-        return cls().times(min(max(LEAST_TRUST_SHARE, max(doubts) ** DOUBT_POWER), 1.0))
+        share = min(max(LEAST_TRUST_SHARE, max(doubts) ** DOUBT_POWER), 1.0)
+        return cls(unknown=unknown_load(model)).times(share)
 
     def times(self, share: float) -> "Trust":
         """With a share of each deviation that a model is to blame for."""
@@ -151,6 +235,36 @@ class Trust:
         found[layout.pressure] = self.pressure_stays
         found[layout.dry] = found[layout.viscous] = self.friction_stays
         return found
+
+
+def heaviest_load(machine: Machine, joints: Sequence[str]) -> float:
+    """Load at the tip [kg] that the drives of `joints` hold in each pose at supply pressure.
+
+    The machine's own weight does not count. Infinite if no joint with a cylinder carries the load.
+    """
+    limits = (machine.limits[joint] for joint in joints)
+    ranges = [np.linspace(ends.position_min, ends.position_max, POSES_PER_JOINT) for ends in limits]
+    poses = np.stack(np.meshgrid(*ranges), axis=-1).reshape(-1, len(joints))
+    columns = [machine.index(joint) for joint in joints]
+    whole = np.zeros((len(poses), len(machine.joint_names)))
+    whole[:, columns] = poses
+    weights = gravity_forces(machine.chain, tip_bodies(machine.chain)[0], whole)[:, columns]
+    held = math.inf
+    for weight, q, joint in zip(weights.T, poses.T, joints, strict=True):
+        if (actuator := machine.cylinders.get(joint)) is None:
+            continue
+        lever = machine.cylinder(joint, q)[:, 1]
+        area = np.where(lever * weight > 0.0, actuator.area_a, actuator.area_b)
+        force = np.abs(lever) * area * machine.hydraulics.supply_pressure
+        loaded = np.abs(weight) > HOLDS_LITTLE
+        held = min(held, float((force[loaded] / np.abs(weight[loaded])).min(initial=np.inf)))
+    return held
+
+
+def unknown_load(model: Model) -> float:
+    """Standard deviation of a load at the tip of which nothing is known [kg]."""
+    heaviest = heaviest_load(model.machine, model.joints) if model.machine else math.inf
+    return UNKNOWN_SHARE * heaviest if math.isfinite(heaviest) else UNKNOWN_LOAD
 
 
 def flow_share(model: Model) -> Array:

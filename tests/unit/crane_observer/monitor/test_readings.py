@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from crane_model import load_machine
+from crane_model.machine_files import machine_file
 from crane_observer import Part, Wrong
 from crane_observer.monitor.readings import LOOKED_AT, PINNED, ReadingHabits, ReadingWatch
 
@@ -92,3 +94,19 @@ def test_a_reading_that_stands_says_nothing_if_a_step_hides_the_noise(
         habits.add(np.array([value]))
         told.append(bool(habits.stuck[0]))
     assert any(told) == stuck and not any(told[:1500])
+
+
+@pytest.mark.parametrize(
+    ("machine", "stuck"), [("laboratory_crane", True), ("field_excavator", False)]
+)
+def test_a_supply_that_follows_the_loads_may_stand(machine: str, stuck: bool) -> None:
+    """Loads shake it, and it stands while the machine does."""
+    watched = ReadingWatch(["boom"], ["rad"], load_machine(machine_file("machine.yaml", machine)))
+    rng = np.random.default_rng(7)
+    shown = 1e7 + 5e5 * rng.standard_normal((1000, 3))
+    shown[-1 - LOOKED_AT :, 2] = 2e6
+    for k, (a, b, supply) in enumerate(shown):
+        watched.read_pressures(PERIOD * k, np.array([a]), np.array([b]), supply)
+    found = watched.found(PERIOD * len(shown))
+    kinds = [(finding.part, finding.kind) for finding in found]
+    assert kinds == [(Part.SUPPLY, Wrong.STUCK)] * stuck

@@ -20,9 +20,22 @@ def window(load: float, direction: float, held: float, rng: np.random.Generator)
     zero, still = np.zeros(3), directions == 0.0
     balance = TipBalance(
         force=force, asked=zero, up=DRY, down=-DRY, viscous=zero, inertial=zero,
-        inertia=np.zeros((3, 3)), inertia_of_load=np.zeros((3, 3)),
+        inertia=np.zeros((3, 3)), inertia_of_load=np.zeros((2, 3, 3)),
         mass=BY_MASS, moment=0.1 * BY_MASS, by_pressure=np.diag([1e-3, 1e-3, 5e-3]),
     )  # fmt: skip
     return Balanced(
-        HOP, balance, ~still, still, directions > 0.0, zero, np.zeros((3, 3)), still & False, zero
-    )
+        HOP, balance, ~still, still, directions > 0.0, zero, np.zeros((3, 3)), still & False, zero,
+        np.zeros((3, 3)),
+    )  # fmt: skip
+
+
+def shaken(load: float, deviation: float, rng: np.random.Generator) -> Balanced:
+    """The outer boom moves at constant speed, and its encoder shows accelerations [rad/s2]."""
+    steady, boom = window(load, 1.0, 0.0, rng), np.diag([0.0, 1.0, 0.0])
+    shown = boom @ rng.normal(0.0, deviation, 3)
+    inertia, by_load = 4000.0 * boom, 20.0 * boom  # kg m2, kg m2 for each kg
+    balance = steady.balance._replace(
+        asked=inertia @ shown, inertial=inertia @ shown, inertia=inertia,
+        inertia_of_load=np.stack([by_load, np.zeros((3, 3))]), mass=BY_MASS + by_load @ shown,
+    )  # fmt: skip
+    return steady._replace(balance=balance, shaken=deviation**2 * boom)
