@@ -84,30 +84,30 @@ class OverloadedZero(OneTransducer):
         return pressure + offset / (1.0 + np.maximum(pressure, 0.0) / stiff)
 
 
-class Bow(OneTransducer):
+class ParabolicNonlinearity(OneTransducer):
     """A characteristic that is bent in between its two calibrated ends."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        bow, span = self.values
+        deviation, span = self.values
         ratio = pressure / span
-        return pressure + 4.0 * bow * ratio * (1.0 - ratio)
+        return pressure + 4.0 * deviation * ratio * (1.0 - ratio)
 
 
-class CubicBow(OneTransducer):
+class CubicNonlinearity(OneTransducer):
     """A characteristic bent both ways between its ends."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        bow, span = self.values
+        deviation, span = self.values
         ratio = pressure / span
-        return pressure + 20.8 * bow * ratio * (1.0 - ratio) * (0.5 - ratio)
+        return pressure + 20.8 * deviation * ratio * (1.0 - ratio) * (0.5 - ratio)
 
 
 class Knee(OneTransducer):
     """A characteristic that goes on less steeply from some pressure."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        bow, knee, span = self.values
-        return pressure - bow * np.maximum(pressure - knee, 0.0) / (span - knee)
+        deviation, knee, span = self.values
+        return pressure - deviation * np.maximum(pressure - knee, 0.0) / (span - knee)
 
 
 class BothGains(BothTransducers):
@@ -380,7 +380,7 @@ def faults(effects: Sequence[InjectedForm], machine: Machine) -> tuple[SensorFau
 _OFFSET = Magnitude("offset", "Pa", 5e4, 3e6)
 _GAIN_B = Magnitude("gain", "1", 0.02, 0.8)
 _TURNED = Magnitude("offset", "{coordinate}", 0.01, 0.2)
-_BOW, _SPAN = Magnitude("bow", "Pa", 5e4, 3e6), Draw("span", "Pa", 1.2e7, 2.0e7)
+_DEVIATION, _SPAN = Magnitude("deviation", "Pa", 5e4, 3e6), Draw("span", "Pa", 1.2e7, 2.0e7)
 _RIPPLE, _RATE = Magnitude("ripple", "Pa", 5e4, 3e6), Draw("frequency", "Hz", 1.0, 4.0)
 _ERROR = Magnitude("error", "{coordinate}", 0.01, 0.1)
 _DISK = (Draw("turns", "rad/{coordinate}", 6.0, 16.0), Draw("phase", "rad", 0.0, 2 * np.pi))
@@ -422,11 +422,11 @@ SENSING_FORMS = (
          (*_DISK, Draw("second", "1", 0.2, 0.6)), Where.TURNING, outside=True),
     Form("encoder_eccentricity", "graduation", Graduation, _ERROR, _DISK, Where.TURNING,
          outside=True),
-    Form("transducer_bow", "parabola", Bow, _BOW, (_SPAN,),
+    Form("transducer_nonlinearity", "parabola", ParabolicNonlinearity, _DEVIATION, (_SPAN,),
          outside=True, signed=True),
-    Form("transducer_bow", "cubic", CubicBow, _BOW, (_SPAN,),
+    Form("transducer_nonlinearity", "cubic", CubicNonlinearity, _DEVIATION, (_SPAN,),
          outside=True, signed=True),
-    Form("transducer_bow", "knee", Knee, _BOW, (Draw("knee", "Pa", 3e6, 6e6), _SPAN),
+    Form("transducer_nonlinearity", "knee", Knee, _DEVIATION, (Draw("knee", "Pa", 3e6, 6e6), _SPAN),
          outside=True, signed=True),
     Form("pressure_ripple", "pump", Ripple, _RIPPLE, (_RATE,), outside=True),
     Form("pressure_ripple", "wandering", WanderingRipple, _RIPPLE,
