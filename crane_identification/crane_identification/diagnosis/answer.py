@@ -305,7 +305,7 @@ def _own_terms(
             yield entry(candidate, "its parameters would have the wrong sign")
             continue
         said = short.get(candidate) or _objection(search, judged)
-        said = said or "what is named explains the same, or more"
+        said = said or "the named effects explain the same, or more"
         yield entry(candidate, said, nearest(fit, search, [judged], said))
 
 

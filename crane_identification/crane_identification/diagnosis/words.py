@@ -29,9 +29,9 @@ from crane_model.result_file import QuestionKind
 Content = Mapping[str, Any]
 
 ANSWERS = {
-    "named": "Something {is}, and these recordings say what",
-    "named_and_more": "Something {is}, and these recordings say what; so {verb} something more",
-    "ambiguous": "Something {is}; these recordings cannot tell which of these effects it is",
+    "named": "Something {is}, and these recordings show what",
+    "named_and_more": "Something {is}, and these recordings show what; so {verb} something more",
+    "ambiguous": "Something {is}; these recordings cannot show which of these effects it is",
     "none": "Nothing {is} that these recordings could show",
     "unknown": "Something {is}, and it is {not_in} an effect of the catalogue",
     "insufficient_data": "These recordings do not suffice for an answer",
@@ -353,7 +353,7 @@ def unknown_title(content: Content) -> str:
     if unknown is None:
         return ""
     size = short_percent(unknown["relative_magnitude"])
-    what = "What more there is" if content["findings"] else "What it"
+    what = "What the remaining error" if content["findings"] else "What it"
     return f"{what} may depend on ({spoken(unknown['joint'])}, rms {size} of the drive force)"
 
 
@@ -463,27 +463,27 @@ def lines(content: Content) -> list[str]:
     for number, finding in enumerate(content["findings"], start=1):
         out += _finding_lines(number, finding)
     for title, block in (
-        ("Nearest of the catalogue", nearest(content)),
+        ("Nearest effects of the catalogue", nearest(content)),
         ("Your own terms that are not named", own_terms(content)),
         (unknown_title(content), unknown(content)),
-        ("Friction that may be there unseen, at rest and at reversals", partly_seen(content)),
+        ("Friction that may be invisible at rest and at reversals", partly_seen(content)),
         ("Where the model disagrees", [f"{one}: {text}" for one, text in disagrees(content)]),
     ):
         out += [f"{title}:", *(f"  {line}" for line in block)] if block else []
-    out.append(f"What is left: {left(content)}.")
+    out.append(f"Remaining: {left(content)}.")
     for name, key in (
         ("Not determined by these recordings", "undetermined"),
-        ("In counts, and need units", "needs_units"),
+        ("In counts; units needed", "needs_units"),
         ("Excluded", "without"),
     ):
         if content[key]:
             out.append(f"{name}: {', '.join(content[key])}")
     if content["clock"]:
-        out.append(f"No time of a session: {content['clock']}")
+        out.append(f"No session time: {content['clock']}")
     counted = (
         ("effects that the parameters of the model absorb", content["not_testable"]),
         ("effects that are not observable in these recordings", content["not_observable"]),
-        ("joints with a balance of the flow", content["flow"]),
+        ("joints with a flow balance", content["flow"]),
     )
     rest = ["errors of the simulated motion"]
     rest += [f"{what} ({len(found)})" for what, found in counted if found]

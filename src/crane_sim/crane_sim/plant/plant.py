@@ -417,5 +417,5 @@ def _check_pose(machine: Machine, q0: np.ndarray) -> None:
         if not limits.position_min <= q0[i] <= limits.position_max:
             raise RangeError(
                 f"{joint}: the plant cannot start at {q0[i]:.6g} {machine.units[joint]}, outside "
-                f"[{limits.position_min}, {limits.position_max}] of Table 2"
+                f"its limits [{limits.position_min}, {limits.position_max}]"
             )

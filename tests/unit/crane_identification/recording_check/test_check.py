@@ -72,7 +72,7 @@ def spoilt() -> list:
             f"pressure sign {joint}": (
                 lambda x, j=j: each(x, PRESSURES, column(j, np.negative)),
                 f"pressures of the {joint}",
-                "sign is turned",
+                "sign is reversed",
             ),
         }
         for name, letter in zip(PRESSURES, "AB", strict=True):
@@ -215,7 +215,7 @@ MILD = {
     "command sign": (
         lambda x: each(x, ("command",), np.negative),
         "valve command of the telescope",
-        "sign is turned",
+        "sign is reversed",
     ),
     "zero of an encoder": (
         lambda x: each(x, ("position",), column(OUTER, lambda q: q + 0.3)),
