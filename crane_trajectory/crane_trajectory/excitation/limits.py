@@ -350,7 +350,7 @@ class Limits:
         if distance.max() <= 0.0:
             raise RangeError(
                 f"{self.clearance}: no pose within the joint limits keeps the boom tip clear by "
-                f"this and a margin of {self.margins.clearance} m; lower the clearance or the margin"
+                f"this and a margin of {self.margins.clearance} m; lower clearance or margin"
             )
         return poses[distance.argmax()]
 
