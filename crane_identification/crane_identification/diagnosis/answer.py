@@ -419,7 +419,7 @@ def with_loads(answer: Answer, loads: Sequence[Weighed]) -> Answer:
     """The answer with held-out recordings that carry another load than all those trained on."""
     said = [
         f"{one.recording} carries {abs(one.mass):.3g} kg {'more' if one.mass > 0.0 else 'less'} "
-        "than the recordings trained on"
+        "than the training recordings"
         for one in loads
         if one.found
     ]
