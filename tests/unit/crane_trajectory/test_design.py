@@ -107,7 +107,7 @@ def test_campaign_writes_trajectories_with_figures_of_merit_and_pictures(tmp_pat
         assert "--after excitation_20s.yaml --out two." in trajectory.provenance
         assert str(tmp_path) not in trajectory.provenance
         assert f"written: {file}" in printed
-        assert "in 5 periods of each, 30 s long, the crane moves for 2.6 min" in printed
+        assert "5 periods of 30 s for each trajectory: the crane moves for 2.6 min" in printed
         colours, size = drawn(file.with_suffix(".png"))
         assert colours > 100
         assert size == (1320, 900)
