@@ -125,7 +125,7 @@ def test_sweeps_are_written_with_a_picture(tmp_path, capsys):
     assert "design --sweeps 0.3 0.9 --dwell 1 --out sweeps.yaml" in sweeps.provenance
     told = capsys.readouterr().out
     minutes = (sweeps.period + 8.0) / 60.0
-    assert f"period {sweeps.period:.1f} s, in which the crane moves for {minutes:.1f} min" in told
+    assert f"one period of {sweeps.period:.1f} s: the crane moves for {minutes:.1f} min" in told
     assert main(["--sweeps", "0.3", "--out", str(out)]) == 1
     assert "sweeps.yaml: exists; name another place, or --replace" in capsys.readouterr().err
     assert load_trajectory(out) == sweeps
