@@ -259,7 +259,7 @@ def region(one: Content) -> str:
     unit, factor = human(one["unit"])
     ends = [factor * value for value in one["range"]]
     low, high = (with_uncertainty(end, ends[1] - ends[0])[0] for end in ends)
-    return f"{name} in {low} to {high} {unit}".rstrip()
+    return f"{name} from {low} to {high} {unit}".rstrip()
 
 
 def disagrees(content: Content) -> Iterator[tuple[str, str]]:
@@ -269,7 +269,7 @@ def disagrees(content: Content) -> Iterator[tuple[str, str]]:
     for joint, one in content["where"].items():
         if one["energy_share"] > SLIGHT_SHARE:
             where = one["region"] and (
-                f", {short_percent(one['region']['share'])} of it with {region(one['region'])}"
+                f", {short_percent(one['region']['share'])} of it with the {region(one['region'])}"
             )
             share = short_percent(one["energy_share"])
             yield spoken(joint), f"{share} of what is unexplained{where or ''}"
@@ -280,7 +280,7 @@ def left(content: Content) -> str:
     systematic, errors = [], []
     for joint, one in content["left"].items():
         if one["systematic"]:
-            where = f", most with {region(one['region'])}" if one["region"] else ""
+            where = f", most with the {region(one['region'])}" if one["region"] else ""
             share = short_percent(one["learnable_share"])
             systematic.append(
                 f"a systematic residual on the {spoken(joint)} ({share} of the energy there{where})"
@@ -304,8 +304,8 @@ def partly_seen(content: Content) -> list[str]:
     if content["verdict"] not in NOISE:
         return []
     return [
-        f"{alone(one)}: as little as {short_percent(one['seen_share'])} of its energy is in rows "
-        "that are used"
+        f"{alone(one)}: as little as {short_percent(one['seen_share'])} of its energy is in the "
+        "used rows"
         for one in content.get("partly_seen", ())
     ]
 
@@ -374,7 +374,7 @@ def _signatures(unknown: Content) -> Iterator[str]:
         yield (
             f"{one['signature']}: its best curve explains "
             f"{short_percent(one['explained_share'])}, and helps to predict {one['better']} of "
-            f"{one['asked']} recordings it is not fitted to; "
+            f"{one['asked']} recordings that it is not fitted to; "
             f"{_against(one, unknown['signatures'][0])}"
         )
         if nearest is not None and one is nearest:
@@ -508,8 +508,9 @@ def _error_lines(content: Content) -> Iterator[str]:
     joints = [spoken(joint) for joint in content["model_error"]["before"]]
     for ahead, shares in commanded(content):
         told = (f"{joint} {share}" for joint, share in zip(joints, shares, strict=True))
-        yield f"Motion from valve commands alone, {ahead} ahead, error over the path: " + ", ".join(
-            told
+        yield (
+            f"Motion from valve commands alone, {ahead} ahead, error over the displacement: "
+            + ", ".join(told)
         )
 
 

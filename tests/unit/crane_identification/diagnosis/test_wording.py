@@ -150,8 +150,8 @@ def test_noise_sits_nowhere(verdict: str) -> None:
 
 def test_regions_have_units_that_people_read() -> None:
     said = text(content("unknown"))
-    assert "53 % of it with pressure sum of the outer boom in 204 to 224 bar" in said
-    assert "with time in 1.0 to 9.0 s" in said
+    assert "53 % of it with the pressure sum of the outer boom from 204 to 224 bar" in said
+    assert "with the time from 1.0 to 9.0 s" in said
     assert "outer_boom" not in said
 
 
@@ -202,7 +202,7 @@ def test_what_is_left_beside_names_is_said() -> None:
     said = text(content("named_and_more", finding(), left={"outer_boom": left}))
     assert (
         "Remaining: a systematic residual on the outer boom (30 % of the energy there, "
-        "most with pressure sum of the outer boom in 204 to 224 bar)." in said
+        "most with the pressure sum of the outer boom from 204 to 224 bar)." in said
     )
 
 
