@@ -114,9 +114,9 @@ def draw(law: CraneRun, pulled: Pulled, found: Unplugged) -> None:
             panel.axvline(when, color="0.8", lw=0.8, zorder=0)
     upper.legend(loc="center right", frameon=False)
     lower.legend(loc="upper right", frameon=False, ncols=2)
-    for name, when in {"unplugged": 0.0, "home": home}.items():  # above the axes, clear of curves
-        place = {"transform": upper.get_xaxis_transform(), "ha": "center", "va": "bottom"}
-        upper.text(when, 1.0, name, color="0.4", **place)
+    above = upper.get_xaxis_transform()  # the axes, clear of the curves
+    for name, when in {"unplugged": 0.0, "home": home}.items():
+        upper.text(when, 1.0, name, transform=above, ha="center", va="bottom", color="0.4")
     figure.savefig(PICTURE, dpi=130)
 
 
