@@ -73,7 +73,7 @@ def test_a_lost_encoder_needs_a_substitute_that_is_told() -> None:
     bench.it.substitute(SUBSTITUTED)
     bench.run(1.0)
     assert state_of(bench) is SafetyState.OFFLINE
-    assert f"{SUBSTITUTED}: no estimate of its position has come" in bench.it.cause
+    assert f"{SUBSTITUTED}: no estimate of its position has arrived" in bench.it.cause
     told(bench, 1.0)
     assert state_of(bench) is SafetyState.DISABLED
     bench.it.enable(bench.now)
