@@ -244,11 +244,11 @@ class ActiveDriver:
             self._node.destroy_subscription(self._estimates)
             self._estimates = None
         if not joint:
-            return "all encoders are believed; call reset_fault and enable"
+            return "all encoders are in use; call reset_fault and enable"
         self._estimates = self._node.create_subscription(
             PositionEstimate, "position_estimate", self._estimated, COMMAND_DEPTH
         )
-        return f"{joint} goes on by position_estimate; call reset_fault and enable"
+        return f"{joint} now uses position_estimate; call reset_fault and enable"
 
     def tell(self) -> None:
         entries = self.loop.supervisor.log

@@ -130,7 +130,7 @@ def _safety(name: str, supervisor: Supervisor) -> DiagnosticStatus:
         level = DiagnosticStatus.WARN
     if supervisor.limited and level == DiagnosticStatus.OK:
         level = DiagnosticStatus.WARN
-        text += f"; {', '.join(supervisor.limited)} held back by the limits of Table 2"
+        text += f"; {', '.join(supervisor.limited)} held back by joint limits"
     values = {
         "state": supervisor.state,
         "substituted": supervisor.substituted,

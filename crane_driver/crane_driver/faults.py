@@ -44,11 +44,11 @@ class FaultKind(StrEnum):
         "check the sensor and its plug, and the range in the mapping",
     )
     SENSOR = (
-        *("sensor", 6, "a device says that its reading is not a measurement"),
+        *("sensor", 6, "a device reports that its reading is not a measurement"),
         "check the sensor and its plug",
     )
     STATE = (
-        *("state", 7, "a device says that it is not healthy"),
+        *("state", 7, "a device reports that it is not healthy"),
         "look up this state in the manual of the device",
     )
     LATE = (
@@ -69,7 +69,7 @@ class FaultKind(StrEnum):
         "find what floods the bus, or stop other programs on this computer",
     )
     HEARTBEAT = (
-        *("heartbeat", 13, "a CANopen device sends no heartbeat any more"),
+        *("heartbeat", 13, "a CANopen device no longer sends its heartbeat"),
         "check plug and supply of the device",
     )
     REBOOT = (
@@ -117,12 +117,12 @@ class FaultKind(StrEnum):
         "find what comes all at once, or take a faster processor",
     )
     ESTIMATE = (
-        *("estimate", 25, "the estimate in the place of an encoder cannot be used any more"),
+        *("estimate", 25, "the estimate that replaces an encoder can no longer be used"),
         "see what position_estimator says on /diagnostics",
     )
     FAULTY_ENCODER = (
         *("faulty encoder", 26, "the sensor monitor has found an encoder that is or may be faulty"),
-        "repair the encoder and let sensor_monitor forget it, or go on without it by substitute",
+        "repair the encoder and let sensor_monitor forget it, or continue without it by substitute",
     )
 
 

@@ -12,7 +12,7 @@ ARGUMENTS = COMMON | {
     "bus_options": "Further options as KEY=VALUE, separated by blanks",
     "dbc": "DBC file",
     "mapping": "Mapping YAML",
-    "machine": "Machine by its name, or its folder or machine file",
+    "machine": "Machine: name, folder or machine file",
     "safety": "Safety file (YAML)",
     "record": "New folder to record to; empty: nothing is recorded",
     "tf": "true: robot_state_publisher gives the frames of all links",

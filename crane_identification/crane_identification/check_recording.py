@@ -61,7 +61,7 @@ def run(request: CheckRequest) -> None:
     print("\n".join(line for recording in checked for line in _lines(recording)))
     if refused := [recording.source for recording in checked if recording.decisive]:
         raise DataError(
-            f"{', '.join(refused)}: whatever is fitted to this is wrong; record again, or correct "
+            f"{', '.join(refused)}: every fit to this would be wrong; record again, or correct "
             "the column map or the machine file"
         )
 

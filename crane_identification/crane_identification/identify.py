@@ -266,10 +266,10 @@ def parser() -> argparse.ArgumentParser:
         type=one_of(Estimator),
         choices=list(Estimator),
         default=Options().estimator,
-        help="least_squares: (31) as it stands; weighted: by the noise between joints, from the "
-        "scatter between periods; robust: outliers do not steer it; instrumental: free of the bias "
-        "that feedback brings, from the recorded reference; consistent (default): least squares "
-        "among physical parameters, which is (31) wherever that is physical",
+        help="least_squares: ordinary, (31); weighted: by the noise between joints, from the "
+        "scatter between periods; robust: tolerates outliers; instrumental: without the bias of "
+        "feedback, from the recorded reference; consistent (default): least squares under physical "
+        "constraints",
     )
     add(
         "--prior",

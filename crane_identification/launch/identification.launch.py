@@ -6,7 +6,7 @@ from launch.substitutions import LaunchConfiguration
 from crane_nodes.launching import COMMON, declared, node
 
 ARGUMENTS = COMMON | {
-    "machine": "Machine by its name, or its folder or machine file",
+    "machine": "Machine: name, folder or machine file",
     "model": "Model file to identify",
     "model_output": "File that ~/save_model writes",
     "forgetting": "Forgetting factor per row",

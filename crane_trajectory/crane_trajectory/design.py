@@ -269,7 +269,7 @@ def _sweeps(
     trajectory = trajectory.model_copy(update=update)
     save(out, trajectory)
     draw(picture, machine, trajectory, clearance)
-    print(f"period {trajectory.period:.1f} s, in which {_moves(trajectory.period)}")
+    print(f"one period of {trajectory.period:.1f} s: {_moves(trajectory.period)}")
     print(f"written: {out}, {picture}")
 
 
@@ -323,8 +323,8 @@ def _search(
             draw(picture, problem.machine, trajectory, clearance)
             bar.write(_summary(merit, relative_std_devs(model, told, plausible)))
             bar.write(f"written: {file}, {picture}")
-        periods, of_each = experiment.periods, " of each" if len(files) > 1 else ""
-        bar.write(f"in {periods} periods{of_each}, {period:g} s long, {_moves(periods * period)}")
+        periods, of_each = experiment.periods, " for each trajectory" if len(files) > 1 else ""
+        bar.write(f"{periods} periods of {period:g} s{of_each}: {_moves(periods * period)}")
 
 
 def _files(out: Path, count: int | None) -> list[Path]:
@@ -375,8 +375,8 @@ def _summary(merit: dict[str, float], together: dict[str, float]) -> str:
 
 
 def _moves(seconds: float) -> str:
-    """How long the crane moves in an experiment, if its periods last `seconds`."""
+    """Return how long the crane moves in an experiment whose periods last `seconds`, in words."""
     return (
-        f"the crane moves for {(seconds + 2 * RUN_UP) / 60:.1f} min, start and stop included, "
-        "approach not"
+        f"the crane moves for {(seconds + 2 * RUN_UP) / 60:.1f} min with start and stop, "
+        "without the approach"
     )

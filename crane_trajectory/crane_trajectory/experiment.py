@@ -425,7 +425,7 @@ class Readiness:
     def lacking(self, states_timeout: float, now: float) -> str:
         """Obstacle to an experiment, with the remedy; empty if there is none."""
         if self.position is None or now - self._heard > states_timeout:
-            return "no joint states come; start the driver and see its /diagnostics"
+            return "no joint states arrive; start the driver and see its /diagnostics"
         if not self._standstill.reached(now):
             return "the crane is not at rest; bring it to rest"
         return ""

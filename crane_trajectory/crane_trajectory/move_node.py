@@ -1,6 +1,6 @@
 """`ros2 run crane_trajectory move`: takes the tip along lines and arcs, planned before it moves.
 
-HAZARD: with `--run` the crane moves by itself. Ctrl-C brings it to rest; software is no safety
+HAZARD: with `--run` the crane moves by itself. Ctrl-C brings it to rest; software is not a safety
 stop.
 """
 

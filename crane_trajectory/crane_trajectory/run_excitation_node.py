@@ -87,7 +87,7 @@ class RunExcitationClient(Node):
             found.append(sample(message, machine.joint_names).position)
 
         subscription = self.create_subscription(JointState, "joint_states", take, 1)
-        self._await(lambda: bool(found), lambda: "no joint states come; start the driver")
+        self._await(lambda: bool(found), lambda: "no joint states arrive; start the driver")
         self.destroy_subscription(subscription)
         return found[-1]
 

@@ -5,7 +5,7 @@ from launch import LaunchDescription
 from crane_nodes.launching import COMMON, declared, node
 
 ARGUMENTS = COMMON | {
-    "machine": "Machine by its name, or its folder or machine file",
+    "machine": "Machine: name, folder or machine file",
     "clearance": "File of the clearance of the boom tip",
     "controller": "File of the gains, as bring-up writes it",
     "law": "Control law, for example flow_and_pressures",

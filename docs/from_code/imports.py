@@ -46,10 +46,10 @@ COLUMNS = (
     "modules",
     "components",
     "arrows between them",
-    "floors",
+    "layers",
     "components in cycles",
     "arrows to other packages",
-    "of these up",
+    "of these upwards",
 )
 
 

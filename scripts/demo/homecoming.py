@@ -1,4 +1,4 @@
-"""What the act without an encoder showed: who named it and when, the estimate, the load."""
+"""Results of the demo's encoder fault: who found it and when, the estimate, the payload."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ BEFORE_S, AFTER_S = 6.0, 3.0  # shown before the plug is pulled, and after the c
 
 
 class Heard(NamedTuple):
-    """Of the bag: the joint's encoder, its estimate with σ, the load with σ."""
+    """Readings of the bag: the joint's encoder, its estimate with σ, the payload with σ."""
 
     encoder: Told
     estimate: Told
@@ -32,7 +32,7 @@ class Heard(NamedTuple):
 
 
 def heard(law: CraneRun, pulled: Pulled) -> Heard:
-    """Of the act."""
+    """Return the readings of the joint whose encoder was unplugged."""
     bag = law.bag(USE)
 
     def of_joint(*fields: str) -> Callable[[Any], list[float]]:
@@ -50,7 +50,7 @@ def heard(law: CraneRun, pulled: Pulled) -> Heard:
 
 
 def measured(law: CraneRun, pulled: Pulled) -> Unplugged:
-    """From the bag of the act."""
+    """Return delays and errors from the bag of the fault."""
     answer = fault_answer(law.bag(USE), pulled.joint, pulled.at)
     encoder, estimate, load = heard(law, pulled)
     read = encoder.values[np.isfinite(encoder.values[:, 0]), 0]
@@ -66,28 +66,28 @@ def measured(law: CraneRun, pulled: Pulled) -> Unplugged:
 
 
 def _before(of: Told, when: int) -> np.ndarray:
-    """What it said last."""
+    """Return the last values until a stamp."""
     values: np.ndarray = of.values[of.stamp <= when][-1]
     return values
 
 
 def table(law: CraneRun, found: Unplugged) -> Table:
-    """The same in words."""
+    """Return the results as a table for the terminal."""
     unit = load_machine(law.machine).units[found.joint]
     result = plain_table(f"The encoder of the {_plain(found.joint)}, unplugged in motion")
-    result.add_column("what", no_wrap=True)
+    result.add_column("result", no_wrap=True)
     result.add_column("", justify="right")
     result.add_row(f"found by {found.named_by} after", f"{found.seconds_to_name:.2f} s")
     result.add_row("valves neutral after", f"{found.seconds_to_neutral:.2f} s")
     error = 1e3 * found.estimate_error
-    result.add_row("at home: estimate less encoder, plugged in again", f"{error:.1f} m{unit}")
+    result.add_row("at home: estimate minus encoder, plugged in again", f"{error:.1f} m{unit}")
     load_shown = f"{found.load:.1f} ± {found.load_std_dev:.1f} kg"
     result.add_row(f"payload estimated in motion, true {found.true_load:g} kg", load_shown)
     return result
 
 
 def draw(law: CraneRun, pulled: Pulled, found: Unplugged) -> None:
-    """Write encoder and estimate of the joint, and the load, over time as a picture."""
+    """Draw encoder and estimate of the joint, and the payload, over time."""
     encoder, estimate, load = heard(law, pulled)
     figure = Figure(figsize=(11.0, 6.0), layout="constrained")
     figure.suptitle(
@@ -111,18 +111,9 @@ def draw(law: CraneRun, pulled: Pulled, found: Unplugged) -> None:
             panel.axvline(when, color="0.8", lw=0.8, zorder=0)
     upper.legend(loc="center right", frameon=False)
     lower.legend(loc="upper right", frameon=False, ncols=2)
+    above = upper.get_xaxis_transform()  # the axes, clear of the curves
     for name, when in {"unplugged": 0.0, "home": home}.items():
-        place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
-        upper.annotate(
-            name,
-            (when, 1.0),
-            xytext=(-2, -2),
-            rotation=90,
-            ha="right",
-            va="top",
-            color="0.4",
-            **place,
-        )
+        upper.text(when, 1.0, name, transform=above, ha="center", va="bottom", color="0.4")
     figure.savefig(PICTURE, dpi=130)
 
 

@@ -184,7 +184,7 @@ def answers(bag: dict[str, Recorded]) -> list[tuple[int, int]]:
 
 
 def spools(commands: Mapping[str, float]) -> tuple[float, ...]:
-    """Raw values of spool commands, in the order of the valve frame; joints not named rest."""
+    """Raw values of valve commands, in the order of the valve frame; joints not named rest."""
     return tuple(one.raw(commands.get(one.name, 0.0)) for one in LAYOUT.commands[0].commands)
 
 

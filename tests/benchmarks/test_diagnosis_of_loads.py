@@ -60,7 +60,7 @@ def test_loads_are_named_alike_in_any_order(
     assert weighed == pytest.approx(HELD_OUT, abs=0.2)
     page.write(tmp_path / "report.html", found, Provenance.of("now", ["diagnose"], "model"))
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "What a recording carries is its own." in text
+    assert "Each recording has its own load." in text
     assert "No load, from which masses count, in <code>b</code>, <code>c</code>." in text
     lines = "\n".join(words.lines(first))
     assert "no load, from which masses count, in b, c" in lines

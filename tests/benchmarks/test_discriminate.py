@@ -25,8 +25,8 @@ def test_the_experiment_is_for_the_class(
     plan = designed(tmp_path, "before")
     after = diagnosed(tmp_path, "after", "discriminating")
     DISCRIMINATED[case.name] = after.discriminated(case)
-    told = min(one["told"] for one in plan["separations"] if one["told"] is not None)
-    foretold = min(one["predicted"] for one in plan["separations"])
+    so_far = min(one["so_far"] for one in plan["separations"] if one["so_far"] is not None)
+    predicted = min(one["predicted"] for one in plan["separations"])
     effect = REGISTRY[case.effect].effect
     assert effect is not None
     measured(
@@ -34,11 +34,11 @@ def test_the_experiment_is_for_the_class(
         f"seed {case.seed}: members "
         "of the ambiguity group; smallest separation before, predicted; recording; answer with it",
         "named",
-        f"{len(before.classes[0])}; {told:.1f}, {foretold:.0f} σ; {plan['duration']:.0f} s; "
+        f"{len(before.classes[0])}; {so_far:.1f}, {predicted:.0f} σ; {plan['duration']:.0f} s; "
         + ("named" if DISCRIMINATED[case.name] else f"`{after.verdict}`, not discriminated"),
         members=len(before.classes[0]),
-        told=told,
-        foretold=foretold,
+        so_far=so_far,
+        predicted=predicted,
         duration=plan["duration"],
         discriminated=DISCRIMINATED[case.name],
     )

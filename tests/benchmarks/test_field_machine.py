@@ -250,7 +250,7 @@ def test_payload(field: Field, measured: Measured) -> None:
     )
     measured(
         f"payload of {LOADS[0]:g} to {LOADS[-1]:g} kg in one minute of work, RMS: of "
-        f"{FULL_SCALE:g} kg, of the load; changes that were none",
+        f"{FULL_SCALE:g} kg, of the load; false changes",
         f"{PAYLOAD_AIM:.0%}, {PAYLOAD_AIM:.0%}",
         f"{of_scale:.1%}, {of_load:.1%}; {changes} in {len(LOADS) * 2} min",
         of_scale=of_scale,
@@ -261,7 +261,7 @@ def test_payload(field: Field, measured: Measured) -> None:
         for scale in (FULL_SCALE, np.repeat(LOADS, len(bounds) // len(LOADS)))
     )
     measured(
-        "payload: the least that noise of the sensors and doubt of friction allow, RMS",
+        "payload: lower bound from sensor noise and friction uncertainty, RMS",
         "",
         f"{scale_bound:.1%}, {load_bound:.1%}",
         of_scale=scale_bound,

@@ -64,7 +64,7 @@ def test_all_observers_together_leave_the_core_to_others(measured) -> None:
     assert observers.told > 1000
     mean, most = float(np.mean(spent)), float(np.percentile(spent, 99.0))
     measured(
-        "position sensor, sensor monitor and scale together: mean and 99 % of the cycles",
+        "estimators of positions and payload, sensor monitor: mean and 99 % of the cycles",
         "1 ms a cycle of 200 Hz",
         "{mean:.2f}, {most:.2f} ms",
         mean=mean,

@@ -67,7 +67,7 @@ def fastest(stage: Stage, moved: Commander, side: float) -> float:
     return float((np.abs(where - where[behind])[long] / (when - when[behind])[long]).max())
 
 
-def test_a_joint_goes_on_by_the_position_estimator_until_that_ends(
+def test_a_joint_moves_by_the_position_estimator_until_it_ends(
     tmp_path: Path, stage: Stage
 ) -> None:
     model, limits = tmp_path / "model.yaml", load_machine().limits[LOST]

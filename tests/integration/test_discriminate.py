@@ -39,7 +39,7 @@ def test_the_experiment_that_is_named_discriminates_the_group(
     assert named is not None
     run(design, *shlex.split(named[1]))
     plan = DiscriminationPlan.read(tmp_path / "before" / "discriminate.json")
-    assert all((one.predicted or 0.0) > (one.told or 0.0) for one in plan.separations)
+    assert all((one.predicted or 0.0) > (one.so_far or 0.0) for one in plan.separations)
     record(
         tmp_path, "discriminating", tmp_path / "before" / "discriminate.yaml", plan.periods, seed=4
     )

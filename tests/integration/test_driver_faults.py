@@ -129,9 +129,7 @@ def test_a_machine_that_falls_silent_is_a_fault_and_nothing_is_published(
     stage.disabled()
 
 
-def test_valves_that_do_not_accept_what_they_are_sent_are_a_fault(
-    stage: Stage, hand: Commander
-) -> None:
+def test_valves_that_do_not_accept_commands_are_a_fault(stage: Stage, hand: Commander) -> None:
     swing(stage, hand)
     since = len(stage.valves)
     stage.machine.send_signal(signal.SIGUSR1)

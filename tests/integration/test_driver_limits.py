@@ -39,7 +39,7 @@ def test_enable_is_refused_while_a_command_is_not_neutral(stage: Stage, hand: Co
     stage.until(refused)
 
 
-def test_a_speed_beyond_table_2_is_held_back(stage: Stage, hand: Commander) -> None:
+def test_a_speed_beyond_the_limit_is_reduced(stage: Stage, hand: Commander) -> None:
     """The open spool alone would turn the crane at more than 1 rad/s."""
     fastest = 0.4
     stage.disabled()  # and no longer swinging

@@ -56,7 +56,7 @@ def without_pressures(crane: Experiments) -> RunExcitation.Result:
     return result
 
 
-def test_without_pressures_it_goes_on_by_the_simpler_law(crane: Experiments) -> None:
+def test_without_pressures_it_continues_by_the_simpler_law(crane: Experiments) -> None:
     stage = crane.stage
     told: list[str] = []
 
@@ -89,7 +89,7 @@ def test_what_it_has_learnt_is_told_and_saved(crane: Experiments) -> None:
     assert "learnt while following" in saved.provenance
 
 
-def test_a_law_changes_at_rest_alone_and_a_wrong_model_leads_nothing(
+def test_a_law_changes_only_at_rest_and_a_wrong_model_is_refused(
     crane: Experiments, tmp_path: Path
 ) -> None:
     done, why = crane.set("law", "flow_feedforward")

@@ -152,7 +152,7 @@ def test_a_label_in_the_bag_is_refused(made: Path, tmp_path: Path) -> None:
     spec, bag = made / "spec.yaml", tmp_path / "bag"
     done = run("--out", bag, "--inject", spec, "--ground-truth", bag / "label.json")
     assert done.returncode == 1
-    assert "must not tell what was injected" in done.stderr
+    assert "must not reveal what was injected" in done.stderr
     done = run("--out", bag, "--inject", spec)
     assert done.returncode == 2
     assert "give both or none" in done.stderr

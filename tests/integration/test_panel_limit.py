@@ -99,7 +99,7 @@ def test_pages_beyond_the_limit_are_refused_until_another_one_is_closed(
 
 
 @SIZES
-def test_a_page_beyond_the_limit_stops_the_crane_all_the_same(
+def test_a_page_beyond_the_limit_can_stop_the_crane(
     stage: Stage, panel: Served, full: list[ClientConnection], size: tuple[int, int]
 ) -> None:
     stage.enabled()

@@ -86,7 +86,7 @@ def test_an_encoder_that_freezes_in_mid_motion_is_named(tmp_path: Path, stage: S
         assert found(told[-1:]), "and what was found is not forgotten"
 
 
-def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: Stage) -> None:
+def test_a_finding_in_jog_stops_the_crane(tmp_path: Path, stage: Stage) -> None:
     """A drift is neither frozen nor a jump: the driver by itself would go on."""
     client = DriverClient(stage.node)
 

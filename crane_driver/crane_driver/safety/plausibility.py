@@ -216,7 +216,7 @@ class Substitution:
     def problem(self, now: float) -> str:
         """Why the estimate may not be used at `now` [s]; empty if it may."""
         if self._newest is None:
-            return "no estimate of its position has come; start position_estimator"
+            return "no estimate of its position has arrived; start position_estimator"
         age, deviation = now - self._newest.time, self._newest.deviation
         if age > self._settings.timeout:
             return (

@@ -39,12 +39,12 @@ class SafetyState(StrEnum):
     DISABLED = "disabled", "the driver is disabled", "call enable"
     ENABLED = "enabled"
     DEGRADED = (
-        *("degraded", "a joint goes on by an estimate: speeds are limited"),
+        *("degraded", "the position of a joint is estimated: speeds are limited"),
         "repair its encoder, disable, then substitute an empty joint",
     )
     LISTENING = (  # and in no other state before it is configured anew
         *("listening", "the driver only listens (parameter listen_only): it sends nothing"),
-        "to move or stop the crane, use what commands it",
+        "to move or stop the crane, use the program that commands it",
     )
     FAULT = "fault"  # ramped to neutral; latched until reset
     ESTOP = (  # neutral at once; latched until reset
@@ -233,7 +233,7 @@ class Supervisor:
                 "that back with an empty joint first"
             )
         self._substitution = Substitution.permitted(joint, self._valves, self._settings.degraded)
-        self.log.append(LogEntry(Level.WARNING, f"{joint}: its encoder is not believed any more"))
+        self.log.append(LogEntry(Level.WARNING, f"{joint}: its encoder is no longer used"))
 
     def estimated(self, estimate: JointEstimate, now: float) -> None:
         if self._substitution:

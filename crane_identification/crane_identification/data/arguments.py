@@ -38,7 +38,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         type=between(0.0),
         default=Options().begin,
         metavar="SECONDS",
-        help="begin of the part to use [s], counted from the start of each recording (default: 0)",
+        help="start of the part to use [s], counted from the start of each recording (default: 0)",
     )
     parser.add_argument(
         "--to",

@@ -305,7 +305,7 @@ def _own_terms(
             yield entry(candidate, "its parameters would have the wrong sign")
             continue
         said = short.get(candidate) or _objection(search, judged)
-        said = said or "what is named explains the same, or more"
+        said = said or "the named effects explain the same, or more"
         yield entry(candidate, said, nearest(fit, search, [judged], said))
 
 
@@ -419,7 +419,7 @@ def with_loads(answer: Answer, loads: Sequence[Weighed]) -> Answer:
     """The answer with held-out recordings that carry another load than all those trained on."""
     said = [
         f"{one.recording} carries {abs(one.mass):.3g} kg {'more' if one.mass > 0.0 else 'less'} "
-        "than the recordings trained on"
+        "than the training recordings"
         for one in loads
         if one.found
     ]

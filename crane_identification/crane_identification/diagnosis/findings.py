@@ -25,11 +25,11 @@ class FoundEffect(ResultPart):
     """An effect and its place."""
 
     effect: str
-    """Its type, as in the catalogue and in model files."""
+    """Type of the effect, as in the catalogue and in model files."""
     name: str
-    """The name that people use."""
+    """Name of the effect in words."""
     joint: str
-    """The joint, or `all` where it is of the whole crane."""
+    """Joint, or `all` for an effect of the whole crane."""
 
 
 class NearEffect(FoundEffect):
@@ -45,15 +45,15 @@ class FoundParameter(ResultPart):
     """A parameter of a finding, or a value of the hydraulics."""
 
     name: str
-    """As in model files."""
+    """Name, as in model files."""
     value: Number
     """Estimate [unit]."""
     std_dev: Number
     """Its standard deviation [unit]."""
     unit: str
-    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    """SI unit; `1` for a ratio, `counts` if readings have no unit."""
     minimum: Number
-    """The least value that physics allows [unit]."""
+    """Smallest value that physics allows [unit]."""
     determined: bool
     """Whether the recordings determine it."""
 
@@ -74,78 +74,83 @@ class FoundParameter(ResultPart):
 
 
 class ChangedParameter(FoundParameter):
-    """A parameter that the model had with another value."""
+    """A parameter whose value has changed."""
 
     before: Number
     """The value before the change [unit]."""
     before_std_dev: Number
-    """Standard deviation of that [unit]."""
+    """Standard deviation [unit]."""
     change: Number
-    """By how much it has changed [unit]."""
+    """Change of the value [unit]."""
     change_std_dev: Number
-    """Standard deviation of that [unit]."""
+    """Standard deviation [unit]."""
 
 
 class FoundCurve(ResultPart):
-    """A dependence as it was drawn: values at knots, straight lines between them."""
+    """A nonparametric curve: values at knots, straight lines between them."""
 
     variable: str
-    """The quantity that it depends on; of a velocity and of a force, their size."""
+    """Quantity on which the force depends; for velocity and force, the absolute value."""
     variable_unit: str
     """The unit of the knots."""
     knots: list[Number]
-    """Places of the values [variable_unit]."""
+    """Knots of the values [variable_unit]."""
     values: list[Number]
-    """Force over what it is multiplied by [unit]."""
+    """Force divided by its factor [unit]."""
     std_devs: list[Number]
-    """Their standard deviations; 0 where the shape is held at 0 [unit]."""
+    """Standard deviations of the values; 0 if the curve is fixed at 0 [unit]."""
     unit: str
     """The unit of the values."""
     times: str
-    """Its factor: the direction sgn(q'), the velocity q', or 1."""
+    """Factor of the curve: the direction sgn(q'), the velocity q', or 1."""
 
 
 class FindingEntry(FoundEffect):
-    """An effect that the model lacks, or of flows and loads that is found beside those."""
+    """An effect that the model lacks, or an effect of flow or load."""
 
     changed: bool = False
-    """Whether a value of the model has changed, rather than that a term is missing."""
+    """Whether a value of the model has changed; otherwise a term is missing."""
     ambiguity_group: list[FoundEffect] = []
-    """Effects that these recordings cannot tell from this one."""
+    """Effects that these recordings cannot discriminate from this effect."""
     parameters: list[ChangedParameter | FoundParameter]
     """Parameters of this effect, in the model with all findings."""
     curves: list[FoundCurve] = []
-    """Its law, where none of the catalogue fits; empty where one does."""
+    """Nonparametric curves, if no model form of the catalogue fits; otherwise empty."""
     deviation: list[FoundCurve] = []
-    """The force that its form lacks; empty where the form is that of the catalogue."""
+    """Force that the model form lacks; empty if the form is that of the catalogue."""
     carried_in: dict[str, list[str]] = {}
-    """Recordings that carry a load, by the parameter of the load, and by `none` those without."""
+    """Recordings by the parameter of the load that they carry; `none` lists recordings without a
+    load.
+    """
     score: Number
     """2 Δ log L of the training recordings [-]."""
     threshold: Number
     """The score that a finding needs [-]."""
     runner_up: FoundEffect | None = None
-    """The effect that explains most in its place."""
+    """The effect that explains most if this effect is left out."""
     margin: Number
-    """Score beyond the runner-up's [-]."""
+    """Score minus that of the runner-up [-]."""
     margin_needed: Number = 0.0
-    """Margin with which the runner-up is ruled out [-]."""
+    """Margin that rules out the runner-up [-]."""
     relative_magnitude: Number = None
-    """Rms of its force over that of the drive force, while its joint slides; null for flows and
-    loads [-]."""
+    """Rms of the force of the effect over that of the drive force, while the joint slides; null for
+    flows and loads [-].
+    """
     visible_magnitude: Number = None
-    """The same of the part that other parameters do not take up; for a flow, over the flow [-]."""
+    """The same for the part that other parameters do not absorb; for a flow, relative to the flow
+    [-].
+    """
     discriminated_by: str
-    """The experiment that tells it from what looks alike."""
+    """Experiment that discriminates the effect from similar effects."""
 
 
 class FoundRegion(ResultPart):
-    """The place of most of a residual."""
+    """Region that holds most of a residual."""
 
     variable: str
-    """The quantity that the residual follows most."""
+    """Quantity on which the residual depends most."""
     range: tuple[Number, Number]
-    """Lowest and highest value of it [unit]."""
+    """Lowest and highest value of the quantity [unit]."""
     unit: str
     """The unit of the quantity."""
     share: Number
@@ -156,9 +161,9 @@ class FoundPlace(ResultPart):
     """The residual of a joint before anything is added."""
 
     energy_share: Number
-    """Share of all that the model leaves, in units of the noise [-]."""
+    """Share of the whole residual, in units of the noise [-]."""
     region: FoundRegion | None
-    """The place of the residual."""
+    """Region of the residual."""
 
 
 class ErrorChange(ResultPart):
@@ -176,52 +181,52 @@ class NearestEffects(ResultPart):
     effects: list[NearEffect]
     """Strongest first."""
     explained_share: Number
-    """Share of what the training recordings leave where they act [-]."""
+    """Share of the residual of the training recordings that they explain [-]."""
     model_error: dict[str, ErrorChange]
-    """By joint."""
+    """Values by joint."""
     objection: str
-    """Why they are no answer."""
+    """Reason why they are not an answer."""
 
 
 class OwnTermEntry(FoundEffect):
     """A term of `--terms` that is not named."""
 
     objection: str
-    """Why not."""
+    """Reason."""
     tried: NearestEffects | None
-    """Its effect by itself; none if these recordings cannot show it."""
+    """Effect of the term alone; none if these recordings cannot show it."""
 
 
 class NearbySignature(ResultPart):
     """A quantity that an unknown force may depend on."""
 
     signature: str
-    """In words: the variable, and with which symmetry."""
+    """Variable and symmetry, in words."""
     effects: list[str]
-    """Types of the effects that have it; none where the catalogue knows no such effect."""
+    """Types of the effects with this signature; none if the catalogue contains no such effect."""
     explained_share: Number
-    """Share of the energy beyond noise, by the best shape of it [-]."""
+    """Share of the energy beyond noise that its best curve explains [-]."""
     better: int
-    """Recordings that it helps to predict when it is fitted to the others [-]."""
+    """Recordings that the curve helps to predict if fitted to the others [-]."""
     asked: int
-    """Recordings that this was asked of [-]."""
+    """Recordings that were tested [-]."""
     curves: list[FoundCurve]
-    """The best shape as it was drawn, for each factor; empty where it is no curve."""
+    """Best nonparametric curve for each factor; empty if it is not a curve."""
 
 
 class FoundDifference(ResultPart):
-    """A parameter of the model that is not alike in all recordings."""
+    """A parameter of the model that differs between recordings."""
 
     parameter: str
     """Its name."""
     unit: str
-    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    """SI unit; `1` for a ratio, `counts` if readings have no unit."""
     explained_share: Number
     """Share of the energy beyond noise, if each recording has its own value [-]."""
     changes: NumberByJoint
-    """By recording: what it differs by from the value of all [unit]."""
+    """Difference from the common value, by recording [unit]."""
     std_devs: NumberByJoint
-    """Standard deviations of these [unit]."""
+    """Standard deviations of the differences [unit]."""
 
 
 class FoundFormula(ResultPart):
@@ -232,28 +237,28 @@ class FoundFormula(ResultPart):
     parameters: list[FoundParameter]
     """Its coefficients."""
     before: Number
-    """Held-out error of the force without it, over the rms of the force [-]."""
+    """Held-out error of the force without the formula, over the rms of the force [-]."""
     after: Number
-    """With it [-]."""
+    """The same with the formula [-]."""
     closed_share: Number
-    """Share of the explainable energy on held-out recordings that it explains [-]."""
+    """Share of the explainable energy on held-out recordings that the formula explains [-]."""
     source: str
-    """A Python file for `--terms` that holds it as a term; `diagnose` writes it beside this one."""
+    """Python file for `--terms` with the formula as a term, in the folder of the results."""
 
 
 class UnknownPlace(ResultPart):
     """An unknown force."""
 
     joint: str
-    """The joint with most of it."""
+    """Joint with most of the unknown force."""
     relative_magnitude: Number
-    """Rms of what is beyond noise there, over that of the drive force [-]."""
+    """Rms of the force beyond noise there, over that of the drive force [-]."""
     signatures: list[NearbySignature]
-    """The nearest ones, best first."""
+    """Nearest signatures, best first."""
     recordings: NumberByJoint
-    """By the recordings in which there is far more of it: rms over the median of all [-]."""
+    """Recordings with far more of it than others: rms over the median of all [-]."""
     difference: FoundDifference | None
-    """The parameter by which recordings differ, if that is most of it."""
+    """Parameter by which recordings differ, if it explains most of the force."""
     formula: FoundFormula | None = None
     """A short formula, if one explains it."""
 
@@ -264,9 +269,9 @@ class ModelError(ResultPart):
     force_relative_error: Number
     """Rms error of the force over that of the force [-]."""
     noise_floor: Number
-    """Scatter between periods over the same; null where none was repeated [-]."""
+    """Scatter between periods over the rms of the force; null if no period was repeated [-]."""
     best_achievable: Number
-    """Error that a flexible learner reaches over the same [-]."""
+    """Error of a flexible learner over the rms of the force [-]."""
     motion_error: Number
     """Rms error of the simulated motion [rad, m]."""
 
@@ -286,33 +291,34 @@ class CommandedError(ResultPart):
     """Errors of the motion from valve commands alone, simulated from measured states."""
 
     horizon: Number
-    """How long each simulation lasts [s]."""
+    """Duration of each simulation [s]."""
     windows: int
-    """Simulations, one behind the other [-]."""
+    """Number of simulations, one after the other [-]."""
     displacement: NumberByJoint
-    """How far the joint itself went in that time, on average [rad, m]."""
+    """Mean displacement of the joint in that time [rad, m]."""
     before: NumberByJoint
-    """Rms error at the end with the model as it came [rad, m]."""
+    """Rms error at the end with the given model [rad, m]."""
     after: NumberByJoint
     """The same with the findings [rad, m]."""
 
 
 class ModelErrors(ResultPart):
-    """The proof: errors on recordings that took no part."""
+    """Errors on held-out recordings."""
 
     before: dict[str, ModelError]
-    """Errors of the model as it came, by joint."""
+    """Errors of the given model, by joint."""
     after: dict[str, ModelError]
     """Errors of the model with the findings, by joint."""
     closed: NumberByJoint
-    """Share of the explainable energy that the findings explain, where training went; null where
-    there is none [-]."""
+    """Share of the explainable energy that the findings explain, in the range of the training; null
+    if there is none [-].
+    """
     loads: list[CarriedLoad]
     """Loads of single held-out recordings."""
     from_commands: list[CommandedError] = []
-    """By how far ahead; empty where that cannot be simulated."""
+    """Errors by horizon; empty if the motion cannot be simulated."""
     from_commands_reason: str = ""
-    """Why no motion was simulated from commands; empty if it was."""
+    """Reason why no motion was simulated from commands; otherwise empty."""
 
 
 class LeftResidual(ResultPart):
@@ -321,32 +327,32 @@ class LeftResidual(ResultPart):
     learnable_share: Number
     """Share of its energy that a flexible learner predicts [-]."""
     systematic: bool
-    """Whether that is more than chance gives."""
+    """Whether this share exceeds chance."""
     beyond_noise: bool
     """Whether the error is clearly larger than the noise floor."""
     region: FoundRegion | None
-    """The place of the residual."""
+    """Region of the residual."""
 
 
 class Untried(FoundEffect):
     """An effect that was not tried."""
 
     reason: str
-    """Why not."""
+    """Reason."""
 
 
 class PartlySeen(FoundEffect):
-    """Friction that may stay unseen: rows close to reversals and at rest are left out."""
+    """Friction that may be invisible, because rows close to reversals and at rest are left out."""
 
     seen_share: Number
     """Share of its energy in the used rows, at the nonlinear parameters with the least [-]."""
 
 
 class FoundPulsation(ResultPart):
-    """A line in the spectrum of what the model leaves."""
+    """A line in the spectrum of the residual."""
 
     joint: str
-    """On which."""
+    """Joint of the line."""
     frequency: Number
     """Frequency of the line [Hz]."""
     relative_magnitude: Number
@@ -354,38 +360,40 @@ class FoundPulsation(ResultPart):
 
 
 class HydraulicQuantity(FoundParameter):
-    """A value of the hydraulics, beside what is usual."""
+    """A value of the hydraulics, and its usual limit."""
 
     usual_limit: Number
-    """Limit of what is usual [unit]."""
+    """Limit of the usual range [unit]."""
     identified: bool = False
-    """Whether that is of the machine's own identified value, not of the data sheet."""
+    """Whether the limit follows from the identified value of the machine; otherwise from the data
+    sheet.
+    """
 
 
 class FlowBalance(ResultPart):
-    """The balance of the oil of a cylinder."""
+    """Flow balance of a cylinder."""
 
     unexplained_share: Number
-    """Rms of what is unexplained over that of the piston's flow [-]."""
+    """Rms of the unexplained flow over that of the piston [-]."""
     known_time: Number
-    """For which everything is known that the balance needs [s]."""
+    """Time in which all signals of the balance are known [s]."""
     recorded_time: Number
     """Time of the recordings [s]."""
     quantities: dict[str, HydraulicQuantity]
-    """By name in the catalogue; empty where too much is left for any to be good."""
+    """Values by name in the catalogue; empty if too much flow is unexplained."""
 
 
 class Findings(ResultFile):
-    """The answer of `diagnose`, and all that it rests on."""
+    """Answer of `diagnose`, with its evidence."""
 
     verdict: Verdict
     """The answer."""
     reason: str
-    """Why, in a sentence."""
+    """Reason for the verdict, in a sentence."""
     values_kept: bool
     """Whether the values of the model were kept (`--fixed`)."""
     where: dict[str, FoundPlace]
-    """By joint: where the model as it came disagrees."""
+    """Residual of the given model, by joint."""
     findings: list[FindingEntry]
     """Effects of the force, strongest first; then of the flow; then loads."""
     nearest: NearestEffects | None
@@ -393,35 +401,38 @@ class Findings(ResultFile):
     own_terms: list[OwnTermEntry] = []
     """Terms of `--terms` that are not named."""
     unknown: UnknownPlace | None = None
-    """An unknown force; beside names, on the joint without one that most is left on."""
+    """Unknown force; with findings, on the joint without a finding that has the largest residual.
+    """
     model_error: ModelErrors
     """Errors before and after."""
     left: dict[str, LeftResidual]
-    """By joint."""
+    """Values by joint."""
     undetermined: list[str]
-    """Parameters of the model that the recordings do not determine: terms of theirs alone were left
-    out, of combinations with others counts what is determined."""
+    """Parameters of the model that the recordings do not determine. Terms that consist of them are
+    left out; of combinations with others, the determined part counts.
+    """
     clock: str | None
-    """Why the recordings have no time in common, through which oil warms up; null if they have."""
+    """Reason why the recordings have no common time, in which oil warms up; null if they have."""
     needs_units: list[str]
-    """Quantities that came in counts, and without whose unit no value has one."""
+    """Quantities in counts, whose unit is needed for parameters in units."""
     warnings: list[str]
-    """About the recordings, and about results that do not carry over."""
+    """Warnings about recordings, and about results that do not generalize."""
     without: list[str]
-    """Effects that were not asked for (`--without`)."""
+    """Excluded effects (`--without`)."""
     not_testable: list[Untried]
-    """Effects that hide behind the parameters of the model."""
+    """Effects that the parameters of the model absorb."""
     not_observable: list[Untried]
-    """Effects of which these recordings show nothing."""
+    """Effects that are not observable in these recordings."""
     partly_seen: list[PartlySeen] = []
-    """Friction of which these recordings may show too little."""
+    """Friction that these recordings may show too little."""
     pulsations: list[FoundPulsation]
-    """Lines that are the same in all recordings."""
+    """Spectral lines that are the same in all recordings."""
     flow: dict[str, FlowBalance]
-    """By joint whose flow was recorded."""
+    """Flow balance by joint."""
     open: OpenQuestions
     """Questions for another experiment: `design --discriminate` finds its motion."""
     named_from: NumberByJoint
-    """By joint: strength from which nine in ten effects are named, before any filter [-]."""
+    """Relative magnitude from which nine in ten effects are named, by joint, before any filter [-].
+    """
     suspicions: list[str] = []
-    """Suspicions of the recordings themselves."""
+    """Problems of the recordings, from `check_recording`."""

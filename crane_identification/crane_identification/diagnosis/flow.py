@@ -92,8 +92,8 @@ def usual_of(joint: str, usual: Usual, hydraulics: HydraulicValues | None) -> Jo
     own = _own(known) if known and known.chambers else {}
     if joint not in usual.dead_band and "dead_bands" not in own:
         raise DataError(
-            f"flow of '{joint}': what is usual of its valve is not known; identify its hydraulics, "
-            "or add its dead_band"
+            f"flow of '{joint}': the usual values of its valve are not known; identify its "
+            "hydraulics, or add its dead_band"
         )
     dead_band = usual.dead_band.get(joint, np.inf)
     sheet = JointUsual(

@@ -218,8 +218,8 @@ def _signature(
             data.append(_trace(f"added, {name}", EFFECT, centres[there], means[there], dash=dash))
     return Picture(
         key,
-        f"The residual {zone} without this effect and with it, against the {about}. Lines: the "
-        "visible part of the effect, forwards (solid) and backwards (dashed)",
+        f"Residual of the {spoken(joint)} {zone}, before and after adding this effect, over the "
+        f"{about}. Lines: the visible part of the effect, forwards (solid) and backwards (dashed)",
         _sizes(before, after, force),
         description(
             data, about + (f" [{unit}]" if unit else ""), f"τ − τ<sub>model</sub> [{force}]"
@@ -240,7 +240,7 @@ def folds(number: int, names: Sequence[str], gains: np.ndarray, recordings: set[
         caption.append(f"The axis is cut: {listed(far)}.")
     unknown = [str(i + 1) for i in np.flatnonzero(~np.isfinite(gains))]
     if unknown:
-        caption.append(f"Not tested: {listed(unknown)}, without which it is not determined.")
+        caption.append(f"Not tested: {listed(unknown)}, which the effect needs to be determined.")
     told = [plain(gain) if np.isfinite(gain) else "not tested" for gain in gains]
     bars = {
         "type": "bar",

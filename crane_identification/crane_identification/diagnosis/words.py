@@ -29,9 +29,9 @@ from crane_model.result_file import QuestionKind
 Content = Mapping[str, Any]
 
 ANSWERS = {
-    "named": "Something {is}, and these recordings say what",
-    "named_and_more": "Something {is}, and these recordings say what; so {verb} something more",
-    "ambiguous": "Something {is}; these recordings cannot tell which of these effects it is",
+    "named": "Something {is}, and these recordings show what",
+    "named_and_more": "Something {is}, and these recordings show what; so {verb} something more",
+    "ambiguous": "Something {is}; these recordings cannot show which of these effects it is",
     "none": "Nothing {is} that these recordings could show",
     "unknown": "Something {is}, and it is {not_in} an effect of the catalogue",
     "insufficient_data": "These recordings do not suffice for an answer",
@@ -259,7 +259,7 @@ def region(one: Content) -> str:
     unit, factor = human(one["unit"])
     ends = [factor * value for value in one["range"]]
     low, high = (with_uncertainty(end, ends[1] - ends[0])[0] for end in ends)
-    return f"{name} in {low} to {high} {unit}".rstrip()
+    return f"{name} from {low} to {high} {unit}".rstrip()
 
 
 def disagrees(content: Content) -> Iterator[tuple[str, str]]:
@@ -269,7 +269,7 @@ def disagrees(content: Content) -> Iterator[tuple[str, str]]:
     for joint, one in content["where"].items():
         if one["energy_share"] > SLIGHT_SHARE:
             where = one["region"] and (
-                f", {short_percent(one['region']['share'])} of it with {region(one['region'])}"
+                f", {short_percent(one['region']['share'])} of it with the {region(one['region'])}"
             )
             share = short_percent(one["energy_share"])
             yield spoken(joint), f"{share} of what is unexplained{where or ''}"
@@ -280,7 +280,7 @@ def left(content: Content) -> str:
     systematic, errors = [], []
     for joint, one in content["left"].items():
         if one["systematic"]:
-            where = f", most with {region(one['region'])}" if one["region"] else ""
+            where = f", most with the {region(one['region'])}" if one["region"] else ""
             share = short_percent(one["learnable_share"])
             systematic.append(
                 f"a systematic residual on the {spoken(joint)} ({share} of the energy there{where})"
@@ -304,8 +304,8 @@ def partly_seen(content: Content) -> list[str]:
     if content["verdict"] not in NOISE:
         return []
     return [
-        f"{alone(one)}: as little as {short_percent(one['seen_share'])} of its energy is in rows "
-        "that are used"
+        f"{alone(one)}: as little as {short_percent(one['seen_share'])} of its energy is in the "
+        "used rows"
         for one in content.get("partly_seen", ())
     ]
 
@@ -353,7 +353,7 @@ def unknown_title(content: Content) -> str:
     if unknown is None:
         return ""
     size = short_percent(unknown["relative_magnitude"])
-    what = "What more there is" if content["findings"] else "What it"
+    what = "What the remaining error" if content["findings"] else "What it"
     return f"{what} may depend on ({spoken(unknown['joint'])}, rms {size} of the drive force)"
 
 
@@ -374,7 +374,7 @@ def _signatures(unknown: Content) -> Iterator[str]:
         yield (
             f"{one['signature']}: its best curve explains "
             f"{short_percent(one['explained_share'])}, and helps to predict {one['better']} of "
-            f"{one['asked']} recordings it is not fitted to; "
+            f"{one['asked']} recordings that it is not fitted to; "
             f"{_against(one, unknown['signatures'][0])}"
         )
         if nearest is not None and one is nearest:
@@ -463,27 +463,27 @@ def lines(content: Content) -> list[str]:
     for number, finding in enumerate(content["findings"], start=1):
         out += _finding_lines(number, finding)
     for title, block in (
-        ("Nearest of the catalogue", nearest(content)),
+        ("Nearest effects of the catalogue", nearest(content)),
         ("Your own terms that are not named", own_terms(content)),
         (unknown_title(content), unknown(content)),
-        ("Friction that may be there unseen, at rest and at reversals", partly_seen(content)),
+        ("Friction that may be invisible at rest and at reversals", partly_seen(content)),
         ("Where the model disagrees", [f"{one}: {text}" for one, text in disagrees(content)]),
     ):
         out += [f"{title}:", *(f"  {line}" for line in block)] if block else []
-    out.append(f"What is left: {left(content)}.")
+    out.append(f"Remaining: {left(content)}.")
     for name, key in (
         ("Not determined by these recordings", "undetermined"),
-        ("In counts, and need units", "needs_units"),
+        ("In counts; units needed", "needs_units"),
         ("Excluded", "without"),
     ):
         if content[key]:
             out.append(f"{name}: {', '.join(content[key])}")
     if content["clock"]:
-        out.append(f"No time of a session: {content['clock']}")
+        out.append(f"No session time: {content['clock']}")
     counted = (
         ("effects that the parameters of the model absorb", content["not_testable"]),
         ("effects that are not observable in these recordings", content["not_observable"]),
-        ("joints with a balance of the flow", content["flow"]),
+        ("joints with a flow balance", content["flow"]),
     )
     rest = ["errors of the simulated motion"]
     rest += [f"{what} ({len(found)})" for what, found in counted if found]
@@ -508,8 +508,9 @@ def _error_lines(content: Content) -> Iterator[str]:
     joints = [spoken(joint) for joint in content["model_error"]["before"]]
     for ahead, shares in commanded(content):
         told = (f"{joint} {share}" for joint, share in zip(joints, shares, strict=True))
-        yield f"Motion from valve commands alone, {ahead} ahead, error over the path: " + ", ".join(
-            told
+        yield (
+            f"Motion from valve commands alone, {ahead} ahead, error over the displacement: "
+            + ", ".join(told)
         )
 
 

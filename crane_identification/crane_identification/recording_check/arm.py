@@ -95,7 +95,7 @@ def signs(moved: ArmMotion) -> Iterator[Suspicion]:
                 spoken(joint),
                 f"friction would feed it with {-power.mean():.3g} W on average, and its inertia "
                 f"would be negative, by {-friction:.0f} and {-inertia:.0f} standard deviations",
-                "the sign of its force, or of its position, is turned",
+                "the sign of its force, or of its position, is reversed",
                 decisive=True,
             )
 
@@ -184,13 +184,13 @@ class _Mistake(NamedTuple):
 
 RIGHT = _Mistake("")
 MISTAKES = (
-    _Mistake("the sign of its force is turned", sign=-1.0),
+    _Mistake("the sign of its force is reversed", sign=-1.0),
     *(
         _Mistake(f"its zero is off by {name} from that of the machine file", turn=angle)
         for name, angle in TURNS.items()
     ),
-    _Mistake("its position counts the other way than in the machine file", direction=-1.0),
-    _Mistake("it counts the other way than in the machine file", sign=-1.0, direction=-1.0),
+    _Mistake("its position has the opposite direction to the machine file", direction=-1.0),
+    _Mistake("it has the opposite direction to the machine file", sign=-1.0, direction=-1.0),
 )
 
 

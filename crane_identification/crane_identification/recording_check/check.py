@@ -43,7 +43,7 @@ def check(machine: Machine | None, log: Log, model: Model | None = None) -> Chec
     """
     absent = list(missing(log))
     if any(suspicion.decisive for suspicion in absent):
-        return _result(log, absent, "all else: there is too little to look at")
+        return _result(log, absent, "all other checks: too few data")
     found: list[Suspicion] = [*absent, *clocks(log), *transducers(log)]
     if machine is None:
         looked, reasons = _forces(log, None, model)
@@ -55,7 +55,7 @@ def check(machine: Machine | None, log: Log, model: Model | None = None) -> Chec
         return _result(log, found, reason)
     found += [*positions(machine, log), *pressures(machine, log)]
     if any(suspicion.decisive for suspicion in found):
-        return _result(log, found, "forces: what is wrong above would show there again")
+        return _result(log, found, "forces: the problems above would appear again")
     if machine.planar is None:
         looked, reasons = _forces(log, machine, model)
         return _result(log, [*found, *looked], *reasons)

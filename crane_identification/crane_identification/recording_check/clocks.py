@@ -68,7 +68,7 @@ def clocks(log: Log) -> Iterator[Suspicion]:
             yield Suspicion(
                 apart.origin,
                 f"received {abs(apart.offset):.3f} s {side} than its stamps say {against}",
-                "one of the two is sent late, which does no harm, or stamped by another clock",
+                "one of the two is sent late, which is harmless, or stamped by another clock",
             )
 
 
@@ -245,7 +245,7 @@ def _explanations(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -
             if _fits(machine, joint, seen - turns * limits.TURN):
                 yield f"the encoder is off by {turns:+d} turn{'s' * (abs(turns) > 1)}"
     if _fits(machine, joint, -seen):
-        yield "the sign is turned"
+        yield "the sign is reversed"
     allowed = machine.limits[joint]
     least = limits.VISIBLE * (allowed.position_max - allowed.position_min)
     for unit, factor in (limits.UNITS_OF_ANGLE if angle else limits.UNITS_OF_LENGTH).items():

@@ -255,7 +255,7 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
     factor = float(np.median(known))
     where, evidence = "masses that the force carries", ", ".join(wrong)
     if (known < 0.0).all():
-        cause = "the load would lift the crane: the sign of the forces is turned"
+        cause = "the load would lift the crane: the sign of the forces is reversed"
         yield Suspicion(where, evidence, cause, decisive=True)
     elif len(known) > 1 and (np.abs(known / factor - 1.0) < limits.SAME_FACTOR_TOLERANCE).all():
         cause = (
@@ -287,14 +287,14 @@ def repairs(whole: Grid) -> Iterator[Repair]:
     for j, joint in enumerate(whole.joints):
         signs = np.where(np.arange(len(whole.joints)) == j, -1.0, 1.0)
         turned = _changed(whole, RECORD_MOTION, lambda values, s=signs: s * values)
-        yield Repair(spoken(joint), "the sign of its position is turned", turned)
+        yield Repair(spoken(joint), "the sign of its position is reversed", turned)
         if whole.force is None:
             yield Repair(
                 spoken(joint), "chambers A and B are exchanged", _chambers(whole, j), joint
             )
         else:
             turned = _changed(whole, measured, lambda values, s=signs: s * values)
-            yield Repair(spoken(joint), "the sign of its force is turned", turned)
+            yield Repair(spoken(joint), "the sign of its force is reversed", turned)
     for i, k in combinations(range(len(whole.joints)), 2):
         order = np.arange(len(whole.joints))
         order[[i, k]] = k, i

@@ -48,7 +48,7 @@ def _cylinder(
     lowest, highest = (float(np.percentile([*chamber_a, *chamber_b], p)) for p in limits.ALMOST_ALL)
     if lowest < limits.VACUUM:
         turned = (
-            "the sign is turned" if highest < -limits.VACUUM else "the zero or the sign is wrong"
+            "the sign is reversed" if highest < -limits.VACUUM else "the zero or the sign is wrong"
         )
         evidence = f"down to {lowest / MEGA:.4g} MPa, and vacuum is -0.1 MPa"
         yield Suspicion(where, evidence, turned, decisive=True)
@@ -380,7 +380,7 @@ def _still(column: _Column, long: np.ndarray) -> Iterator[Suspicion]:
         f"{share:.1%} of the motion at one reading, {level:.6g}"
         f"{f', the {end} of all' if end else ''}, for up to {moved[long].max() / rate:.2g} s"
     )
-    cause = CAUSES[end] if value.any() else "nothing was measured: zeros stand in its place"
+    cause = CAUSES[end] if value.any() else "nothing was measured: all readings are zero"
     yield Suspicion(
         column.where, evidence, cause, decisive=bool(share > limits.FROZEN) and end != "lowest"
     )

@@ -92,7 +92,7 @@ def commands(whole: Grid) -> Iterator[Suspicion]:
             yield Suspicion(
                 f"valve command of the {spoken(joint)}",
                 f"the joint moves against it; {by_itself.left:.0%} of the flow unexplained",
-                "its sign is turned",
+                "its sign is reversed",
             )
 
 

@@ -64,8 +64,8 @@ def _standing(fit: FitResult) -> list[str]:
     if not fit.standing:
         return []
     return [
-        f"No joint of the model moves in {listed(fit.standing)}: nothing of the mechanics is taken "
-        "from there."
+        f"No joint of the model moves in {listed(fit.standing)}: these recordings do not "
+        "contribute to the mechanics."
     ]
 
 
@@ -85,7 +85,7 @@ def _parameters(fit: FitResult) -> list[str]:
     ]
     if estimate.bounds:
         notes.append(
-            f"Least squares alone is not physical: held back by {listed(estimate.bounds)}."
+            f"Least squares alone is not physical: constrained by {listed(estimate.bounds)}."
         )
     relative = estimate.relative_std_devs
     doubtful = [

@@ -12,12 +12,12 @@ from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPar
 
 
 class ParameterSummary(ResultPart):
-    """A parameter; null where the data do not determine it."""
+    """A parameter; null if the data do not determine it."""
 
     name: str
-    """As in model files."""
+    """Name, as in model files."""
     unit: str
-    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    """SI unit; `1` for a ratio, `counts` if readings have no unit."""
     value: Number
     """Estimate [unit]."""
     std_dev: Number
@@ -28,26 +28,26 @@ class MotionSummary(ResultPart):
     """Error of the simulated motion, driven by the measured pressures."""
 
     horizon: float
-    """How long each simulation lasts [s]."""
+    """Duration of each simulation [s]."""
     windows: int
-    """Simulations, one behind the other [-]."""
+    """Number of simulations, one after the other [-]."""
     position_rms: NumberByJoint
-    """Rms error at their end [rad, m]; null where the model cannot be simulated."""
+    """Rms error at the end [rad, m]; null if the model cannot be simulated."""
     displacement_rms: NumberByJoint
-    """How far the joint itself moved in that time, rms [rad, m]."""
+    """Displacement of the joint in that time, rms [rad, m]."""
     reason: str
-    """Why the model cannot be simulated; empty if it can."""
+    """Reason why the model cannot be simulated; otherwise empty."""
 
 
 class CommandedSummary(ResultPart):
     """Error of the motion simulated from valve commands alone."""
 
     horizon: float
-    """How long each simulation lasts [s]."""
+    """Duration of each simulation [s]."""
     windows: int
-    """Simulations, one behind the other [-]."""
+    """Number of simulations, one after the other [-]."""
     position_rms: NumberByJoint
-    """Rms error at their end [rad, m]."""
+    """Rms error at the end [rad, m]."""
     path: NumberByJoint
     """Length of the path of the joint in that time, on average [rad, m]."""
 
@@ -56,21 +56,22 @@ class RecursiveSummary(ResultPart):
     """The recursion over the training recordings."""
 
     parameters: list[ParameterSummary]
-    """At its end."""
+    """Parameters at the end of the recursion."""
     heldout_relative_error: NumberByJoint
-    """As of the fit, on the validation recordings [-]."""
+    """‖τ - τ̂‖/‖τ‖ on the validation recordings [-]."""
     samples: int
-    """Samples that it used [-]."""
+    """Number of samples [-]."""
 
 
 class LackOfFitSummary(ResultPart):
     """Model error on the training recordings, and their noise."""
 
     ratio: NumberByJoint
-    """Power of the residual over what the noise between periods leaves of it [-]; null where no
-    period was repeated."""
+    """Power of the residual over that of the noise between periods [-]; null if no period was
+    repeated.
+    """
     p_value: NumberByJoint
-    """Probability that noise alone gives as much [-]."""
+    """Probability of such a ratio by noise alone [-]."""
 
 
 class Summary(ResultFile):
@@ -87,17 +88,17 @@ class Summary(ResultFile):
     method: str
     """Method of the fit, in words."""
     bounds: list[str]
-    """Physical constraints that hold the values back."""
+    """Active physical constraints."""
     parameters: list[ParameterSummary]
     """Parameters in the order of the model."""
     heldout_relative_error: NumberByJoint
     """‖τ - τ̂‖/‖τ‖ on the validation recordings [-]."""
     heldout_relative_error_moving: NumberByJoint
-    """The same where the sign of the joint's velocity is known [-]."""
+    """The same while the sign of the joint's velocity is known [-]."""
     heldout_relative_error_without_gravity: NumberByJoint
     """The same relative to τ without its gravity part [-]."""
     noise_floor: NumberByJoint
-    """Scatter of τ from period to period over ‖τ‖ [-]; null where no period was repeated."""
+    """Scatter of τ between periods over ‖τ‖ [-]; null if no period was repeated."""
     training_relative_error: NumberByJoint
     """‖τ - τ̂‖/‖τ‖ on the training recordings [-]."""
     friction_share: NumberByJoint
@@ -107,9 +108,9 @@ class Summary(ResultFile):
     simulated_motion: MotionSummary | None
     """Simulated motion of the validation recordings; null without them."""
     simulated_from_commands: list[CommandedSummary]
-    """The same from valve commands alone; empty where hydraulics or commands are not known."""
+    """The same from valve commands alone; empty without hydraulics or commands."""
     recursive: RecursiveSummary | None
-    """Null unless it was asked for (`--recursive`)."""
+    """Result of the recursion; null without `--recursive`."""
     hydraulics: list[ParameterSummary]
     """Values of valves and oil, as `dead_band_a.boom`; empty without commands or pressures."""
     condition_number: Number
@@ -119,11 +120,11 @@ class Summary(ResultFile):
     training_bags: list[str]
     """Recordings that the model was fitted to."""
     validation_bags: list[str]
-    """Recordings that it was tried on."""
+    """Recordings that validated the model."""
     samples: int
-    """Rows that were fitted [-]."""
+    """Number of fitted rows [-]."""
     warnings: list[str]
-    """About recordings and results."""
+    """Warnings about recordings and results."""
 
 
 class ClusterSummary(ResultFile):
@@ -140,9 +141,9 @@ class ClusterSummary(ResultFile):
     heldout_relative_error_without_gravity: NumberByJoint
     """The same relative to τ without its gravity part [-]."""
     noise_floor: NumberByJoint
-    """Scatter of τ from period to period over ‖τ‖ [-]; null where no period was repeated."""
+    """Scatter of τ between periods over ‖τ‖ [-]; null if no period was repeated."""
     samples: int
-    """Rows that were fitted [-]."""
+    """Number of fitted rows [-]."""
 
 
 def summarize(report: IdentificationReport) -> Summary:

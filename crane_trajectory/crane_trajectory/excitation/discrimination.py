@@ -244,20 +244,20 @@ class HelpfulAction(ResultPart):
 
 
 class PredictedSeparation(ResultPart):
-    """Two answers to a question, as the designed motion will tell them apart."""
+    """Separation of two answers to a question by the designed motion."""
 
     kind: QuestionKind
     """Kind of the question."""
     first: str
     """Effect and joint."""
     second: str
-    """The same; empty where it is that nothing is there."""
-    told: Number
-    """By the recordings of the diagnosis; null where they were not compared [σ]."""
+    """Effect and joint; empty for no effect."""
+    so_far: Number
+    """Separation by the recordings of the diagnosis; null if not compared [σ]."""
     predicted: Number
-    """By the motion [σ]."""
+    """Separation by the motion [σ]."""
     needed: Number
-    """To rule one of them out [σ]."""
+    """Separation that rules out one answer [σ]."""
     actions: list[HelpfulAction]
     """Actions that suffice with the motion if it does not alone, best first."""
     discriminated_by: str
@@ -291,7 +291,7 @@ def _predicted(
         kind=open_.questions[pair.question].kind,
         first=_told(first),
         second=_told(second),
-        told=second.separation if second is not None and pair.places[0] == 0 else None,
+        so_far=second.separation if second is not None and pair.places[0] == 0 else None,
         predicted=pair.separation(experiment),
         needed=pair.asked(experiment),
         actions=[] if discriminated else _actions(search, pair, best, load),
@@ -329,7 +329,7 @@ def lines(plan: DiscriminationPlan) -> list[str]:
     rows, remedies = [("answers", "so far", "predicted", "needed")], []
     for pair in plan.separations:
         names = f"{pair.first} | {pair.second or 'nothing'}"
-        rows.append((names, _sigma(pair.told), _sigma(pair.predicted), _sigma(pair.needed)))
+        rows.append((names, _sigma(pair.so_far), _sigma(pair.predicted), _sigma(pair.needed)))
         if pair.discriminated_by:
             helpful = [
                 f"{act.action} in a second recording: {_sigma(act.separation)}"

@@ -349,8 +349,8 @@ class Limits:
             distance = np.minimum(distance, self._clearance_left(poses).min(axis=1))
         if distance.max() <= 0.0:
             raise RangeError(
-                f"{self.clearance}: no pose within Table 2 keeps the boom tip clear by this and a "
-                f"margin of {self.margins.clearance} m; lower the clearance or the margin"
+                f"{self.clearance}: no pose within the joint limits keeps the boom tip clear by "
+                f"this and a margin of {self.margins.clearance} m; lower clearance or margin"
             )
         return poses[distance.argmax()]
 

@@ -45,7 +45,7 @@ class ClearPoses:
         self._keep = clearance.kept + margins.clearance
         self.known = set(self._tip_clearance.joints) <= set(joints)
         self.remedy = (
-            f"within Table 2 keeps the boom tip clear by this and a margin of "
+            f"within the joint limits keeps the boom tip clear by this and a margin of "
             f"{margins.clearance} m; lower the clearance or the margin"
         )
 

@@ -166,7 +166,7 @@ def contradiction(reader: StoredBag, *topics: str) -> tuple[str, ...]:
     ]
     if reader.unlisted:
         notes.append(
-            f"{', '.join(reader.unlisted)}: not read, for metadata.yaml does not list it; "
+            f"{', '.join(reader.unlisted)}: not read, because metadata.yaml does not list it; "
             f"{remedy(reader.folder)}"
         )
     return tuple(notes)

@@ -17,7 +17,7 @@ from crane_model.result_file import ResultFile, ResultPart
 
 FILE_WIDTH = 140  # characters of a table that goes into a file
 NO_BREAK = "\u00a0"
-RESULT_COLUMNS = ("what", "target", "measured")
+RESULT_COLUMNS = ("quantity", "target", "measured")
 PERCENT_SIGN = re.compile(r"(?<=\d)%")
 BEFORE_UNIT = re.compile(r"(?<=\d) (?=[%σ]|(?:µs|ms|s|mrad|mm|rad|bar|times)\b)")
 

@@ -150,7 +150,7 @@ def run(body: Callable[[], None]) -> int:
             raise
         target = EXTRAS[error.name]
         print(
-            f"error: {error.name} is not installed, for it is large and few commands need it; "
+            f"error: {error.name} is not installed, because it is large and few commands need it; "
             f"install it by: make {target}",
             file=sys.stderr,
         )

@@ -190,7 +190,7 @@ class _Loader(yaml.SafeLoader):
         seen = set()
         for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
             if key.value in seen:
-                raise _RefusedError(f"the key '{key.value}' stands twice in one mapping", key)
+                raise _RefusedError(f"the key '{key.value}' appears twice in one mapping", key)
             seen.add(key.value)
         return super().construct_mapping(node, deep)
 
@@ -467,8 +467,8 @@ def load_entry_points(
         if reason := _refused(point, registry, what):
             package = point.dist.name if point.dist else "a package"
             warnings.warn(
-                f"{package}: entry point '{point.name}' of {group} is left out: {reason}; mend or "
-                "uninstall it",
+                f"{package}: entry point '{point.name}' of {group} is left out: {reason}; "
+                "repair or uninstall it",
                 stacklevel=2,
             )
     return tuple(registry[name] for name in registry if name not in before)

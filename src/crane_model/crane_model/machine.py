@@ -181,7 +181,7 @@ class Machine(Schema):
     def _names(self) -> Self:
         names, known = [joint.name for joint in self.joints], ", ".join(self.joint_names)
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"joint '{twice[0]}' stands twice; give each its own name")
+            raise ValueError(f"joint '{twice[0]}' is listed twice; give each its own name")
         for joint in self.joints:
             if joint.follows and joint.follows.joint not in self.joint_names:
                 raise ValueError(
@@ -334,7 +334,7 @@ class Machine(Schema):
         if self.planar is None:
             raise ConfigurationError(
                 f"{self.name}: needs two booms that turn in one upright plane and a telescope in "
-                "it, each with its `dh` as in Table 1, as the last three joints"
+                "it, each with its `dh`, as the last three joints"
             )
         return self.planar
 

@@ -47,7 +47,7 @@ class Record:
     slew_position: Array | None = None  # (n,) rad
     slew_velocity: Array | None = None  # (n,) rad/s
     slew_acceleration: Array | None = None  # (n,) rad/s2
-    command: Array | None = None  # (n, j) spool command, -1..1
+    command: Array | None = None  # (n, j) valve command, -1..1
     temperature: Array | None = None  # (n,) deg C
     supply_pressure: Array | None = None  # (n,) Pa
     tank_pressure: Array | None = None  # (n,) Pa

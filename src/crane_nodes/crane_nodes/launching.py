@@ -12,9 +12,9 @@ from launch_ros.substitutions import FindPackageShare
 
 COMMON = {
     "namespace": "Namespace of the nodes, for example left; empty: the root",
-    "parameters": "Parameter file (YAML) of the nodes; arguments go before what it says",
-    "log_level": "Of the nodes: debug, info, warn, error or fatal",
-    "enclaves": "Where the SROS2 enclaves of the nodes are, for example /crane; empty: no option",
+    "parameters": "Parameter file (YAML) of the nodes; arguments override it",
+    "log_level": "Log level of the nodes: debug, info, warn, error or fatal",
+    "enclaves": "Folder of the SROS2 enclaves of the nodes, for example /crane; empty: no option",
     "prefix": "Words before the command of every node, for example 'taskset -c 1'",
 }
 """Arguments of every launch file: name and description."""

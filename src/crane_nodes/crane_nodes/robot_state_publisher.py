@@ -46,9 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = command_line(
         prog=NAME,
         description="Waits for the URDF of a driver, then runs the robot_state_publisher of ROS "
-        "with it: transforms of all links, from base_link to tip. In a namespace, its name goes "
-        "before those of the frames.",
-        epilog="ROS arguments follow --ros-args, and may change what is given to the program.",
+        "with it: transforms of all links, from base_link to tip. In a namespace, frame names "
+        "begin with it.",
+        epilog="ROS arguments follow --ros-args, and may override arguments of the program.",
     )
     parser.parse_args(own_arguments(argv))
     return run(lambda: _become(argv))

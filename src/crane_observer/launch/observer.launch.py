@@ -5,7 +5,7 @@ from launch import LaunchDescription
 from crane_nodes.launching import COMMON, declared, node
 
 ARGUMENTS = COMMON | {
-    "machine": "Machine by its name, or its folder or machine file",
+    "machine": "Machine: name, folder or machine file",
     "model": "Identified model file with hydraulics",
     "without": "Joints whose encoders are not to be used, separated by blanks",
     "tolerance": "File that check_sensors --learn wrote",

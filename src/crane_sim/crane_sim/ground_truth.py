@@ -282,7 +282,7 @@ def check_place(path: Path, bag: Path) -> None:
     """`ConfigurationError` for a file in the bag's folder, `DataError` for one that exists."""
     if path.resolve().is_relative_to(bag.resolve()):
         raise ConfigurationError(
-            f"--ground-truth {path}: lies in the folder of the bag, {bag}, which must not tell "
+            f"--ground-truth {path}: lies in the folder of the bag, {bag}, which must not reveal "
             "what was injected; name a file elsewhere"
         )
     if path.suffix != ".json":

@@ -22,7 +22,7 @@ NEUTRAL, ENABLED, COMMAND_TIMEOUT = "Neutral", "Enabled", "CommandTimeout"
 
 
 class ValveUnit:
-    """Takes frames and gives spool commands; neutral until told otherwise.
+    """Takes frames and gives valve commands; neutral until told otherwise.
 
     A frame of the wrong size, with a wrong checksum or a repeated counter is not accepted. Enabled
     valves that get no valid command for `COMMAND_TIMEOUT_S` go to neutral, and stay there until a
@@ -59,7 +59,7 @@ class ValveUnit:
             self.state = ENABLED
 
     def commands(self, now: float) -> list[float]:
-        """(j,) spool commands -1 to 1 at `now` [s, steady], in the order of the joints."""
+        """(j,) valve commands -1 to 1 at `now` [s, steady], in the order of the joints."""
         self._expire(now)
         if self.state is not ENABLED:
             return [0.0] * len(self._commands)

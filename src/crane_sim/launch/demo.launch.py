@@ -9,7 +9,7 @@ CRANE = {
     "bus_channel": "Channel of the interface, for example vcan0",
     "bus_bitrate": "Bit rate [bit/s], for interfaces that set it",
     "bus_options": "Further options as KEY=VALUE, separated by blanks: port=43113",
-    "machine": "Machine by its name, or its folder or machine file",
+    "machine": "Machine: name, folder or machine file",
     "record": "New folder to record to; empty: nothing is recorded",
     "tf": "true: robot_state_publisher gives the frames of all links",
 }

@@ -12,7 +12,7 @@ OF_MACHINE = {
     "bus_channel": "Channel of the interface, for example vcan0",
     "bus_bitrate": "Bit rate [bit/s], for interfaces that set it",
     "bus_options": "Further options as KEY=VALUE, separated by blanks: port=43113",
-    "machine": "Machine by its name, or its folder or machine file",
+    "machine": "Machine: name, folder or machine file",
 }
 OF_DRIVER = {
     "record": "New folder to record to; empty: nothing is recorded",

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 from urllib.parse import quote
 
 from rosbags.serde import SerdeError
@@ -23,7 +23,9 @@ from crane_bags.types import JOINT_STATES
 from crane_model.cli import add_machine, command_line, run
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine import Machine, load_machine
-from crane_viewer.view import SHOWN, View
+
+if TYPE_CHECKING:
+    from crane_viewer.view import View
 
 LOOPBACK = "127.0.0.1"
 START_TIMEOUT_S = 20.0
@@ -133,8 +135,10 @@ def _free() -> int:
         return int(probe.getsockname()[1])
 
 
-def show_bag(view: View, machine: Machine, bag: Path) -> None:
+def show_bag(view: "View", machine: Machine, bag: Path) -> None:
     """All that a bag holds of one crane; `DataError` if there is nothing of it to show."""
+    from crane_viewer.view import SHOWN
+
     namespace = namespace_of(bag)
     within = {
         topic.within(namespace).name: topic for topic in SHOWN if topic.name != "/diagnostics"
@@ -191,6 +195,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _show(request: ViewRequest, ros_arguments: list[str]) -> None:
+    from crane_viewer.view import View  # needs Rerun, which --help does not
+
     if request.save:
         _check_place(request.save)
     machine = load_machine(request.machine)
@@ -224,7 +230,7 @@ def _check_place(file: Path) -> None:
         raise ConfigurationError(f"{file}: there is no folder {file.parent}; make it")
 
 
-def _show_bag(view: View, machine: Machine, bag: Path, file: Path | None) -> None:
+def _show_bag(view: "View", machine: Machine, bag: Path, file: Path | None) -> None:
     """Show a bag; if it cannot be read, delete the `file` that was to hold it."""
     try:
         show_bag(view, machine, bag)

@@ -261,7 +261,7 @@ def test_a_file_that_the_metadata_do_not_list_is_told(
     data = joint_states(path)
     assert len(data.stamp) == 5
     (note,) = data.notes
-    assert note.startswith("other.mcap: not read, for metadata.yaml does not list it; repair it: ")
+    assert note.startswith("other.mcap: not read, because metadata.yaml does not list it; repair")
 
 
 def test_time_that_goes_back_in_messages_compressed_one_by_one(

@@ -69,7 +69,7 @@ def test_the_message_of_a_fault_tells_the_first_and_counts_the_others() -> None:
 def test_degraded_names_the_joint_and_what_to_do() -> None:
     message = driver_state(degraded(Bench()).it)
     assert (message.state, message.substituted) == (DriverState.STATE_DEGRADED, SUBSTITUTED)
-    assert message.cause.startswith(f"{SUBSTITUTED}: a joint goes on by an estimate")
+    assert message.cause.startswith(f"{SUBSTITUTED}: the position of a joint is estimated")
     assert "repair its encoder" in message.remedy
 
 

@@ -86,7 +86,7 @@ def test_bodies_that_can_exist_make_up_for_most_of_it(model: Model, logs: dict[s
 
 
 def test_bodies_that_can_exist_cost_nothing_elsewhere(model: Model, logs: dict[str, Log]) -> None:
-    """Two recordings foretell the third, in turn, by both estimators."""
+    """Two recordings predict the third, in turn, by both estimators."""
     left = np.zeros(2)
     for name in logs:
         train = [log for name_of_log, log in logs.items() if name_of_log != name]

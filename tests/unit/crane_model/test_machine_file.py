@@ -155,7 +155,7 @@ WRONG = {
     "joint that stands nowhere": (("joints.slew.dh", ...), ["'joints.slew'", "either as dh"]),
     "name that stands twice": (
         ("joints.telescope.name", "slew"),
-        ["joint 'slew' stands twice"],
+        ["joint 'slew' is listed twice"],
     ),
     "coupling of no joint": (
         ("couplings", [{"joints": ["slew", "wrist"], "matrix": [[1, 0], [0, 1]]}]),

@@ -54,7 +54,7 @@ def test_friction_over_the_place(machine: Machine, simulated: SimulatedCrane) ->
     u, phase = place(machine), 12.0 * Q[COLUMN] + 0.4
     for effect, wanted in (
         (
-            effect_of("position_friction", JOINT, 80.0, 0.3, 1.5, form="tilted_way"),
+            effect_of("position_friction", JOINT, 80.0, 0.3, 1.5, form="tilted_guide"),
             80.0 * np.sign(u - 0.3) * abs(u - 0.3) ** 1.5,
         ),
         (

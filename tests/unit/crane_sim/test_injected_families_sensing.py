@@ -34,14 +34,20 @@ def test_transducers_by_their_formulas() -> None:
         ("chamber_gain", "opposed", (0.03, 0.5), 0.985 * a, 1.03 * b),
         ("crosstalk", "of_chamber_a", (0.02,), a + 0.02 * A[:, 3], b),
         ("crosstalk", "shared_ground", (0.02, 2.0), a + 0.02 * lifted, b),
-        ("transducer_bow", "knee", (1e5, 5e6, 2e7), a - 1e5 * np.maximum(a - 5e6, 0) / 1.5e7, b),
+        (
+            "transducer_nonlinearity",
+            "knee",
+            (1e5, 5e6, 2e7),
+            a - 1e5 * np.maximum(a - 5e6, 0) / 1.5e7,
+            b,
+        ),
         ("pressure_ripple", "two_pumps", (4e4, 3.0, 2.0), a + both, b - 0.3 * both),
     ):
         got_a, got_b = shown(effect_of(effect, JOINT, *values, form=form))
         np.testing.assert_allclose(got_a, wanted_a, err_msg=form)
         np.testing.assert_allclose(got_b, wanted_b, err_msg=form)
     ramp = np.tile(np.linspace(0.0, 2e7, len(TIME))[:, np.newaxis], 4)
-    cubic = fault(effect_of("transducer_bow", JOINT, 1e5, 2e7, form="cubic"))
+    cubic = fault(effect_of("transducer_nonlinearity", JOINT, 1e5, 2e7, form="cubic"))
     bent = (cubic.pressures(TIME, ramp, ramp)[0] - ramp)[:, COLUMN]
     assert (bent.max(), bent.min()) == pytest.approx((1e5, -1e5), rel=0.01)  # both ways
     assert bent[[0, -1]] == pytest.approx(0.0, abs=1e-6)
@@ -85,7 +91,7 @@ def test_valves_leaks_and_walls(machine: Machine, simulated: SimulatedCrane) -> 
         ("valve_dead_band", "hard_overlap", (0.1,), x - 0.1),
         ("valve_dead_band", "uneven_overlap", (0.1, 0.4), x - 0.14),
         ("valve_asymmetry", "one_way", (0.2,), 1.4 * x),
-        ("valve_asymmetry", "by_and_by", (0.2, 0.01), x * (1 + 0.2 * x / (x + 0.01))),
+        ("valve_asymmetry", "gradual", (0.2, 0.01), x * (1 + 0.2 * x / (x + 0.01))),
         ("valve_hysteresis", "two_plays", (0.06, 0.5), opening(0.5 - 0.03 * 0.75, zone)),
     ):
         got = spool(rig(simulated, machine, effect_of(effect, JOINT, *values, form=form)), 0.5)

@@ -50,7 +50,7 @@ def test_zeros_gains_and_bent_characteristics() -> None:
         (effect_of("chamber_gain", JOINT, 0.03), true_a, 1.03 * true_b),
         (effect_of("crosstalk", JOINT, 0.02), true_a + 0.02 * B[:, 3], true_b),
         (
-            effect_of("transducer_bow", JOINT, 1e5, 2e7),
+            effect_of("transducer_nonlinearity", JOINT, 1e5, 2e7),
             true_a + 4e5 * true_a / 2e7 * (1 - true_a / 2e7),
             true_b,
         ),

@@ -334,7 +334,7 @@ def test_a_label_lies_outside_of_the_bag(tmp_path: Path) -> None:
     """In any spelling of the path; and no file is overwritten."""
     bag = tmp_path / "bag"
     for inside in (bag / "label.json", bag / "deep" / "label.json", bag / ".." / "bag" / "x.json"):
-        with pytest.raises(ConfigurationError, match="must not tell what was injected"):
+        with pytest.raises(ConfigurationError, match="must not reveal what was injected"):
             check_place(inside, bag)
     there = tmp_path / "label.json"
     check_place(there, bag)

@@ -65,7 +65,7 @@ def test_command_line_writes_a_png(opengl: None, tmp_path: Path) -> None:
     ("words", "message"),
     [
         (["--out", "crane.jpg"], "name it *.png"),
-        (["--out", "crane.png", "--pose", "inner_boom=3"], "outside [-0.45, 1.37] of Table 2"),
+        (["--out", "crane.png", "--pose", "inner_boom=3"], "outside its limits [-0.45, 1.37]"),
         (["--out", "nowhere/crane.png"], "no folder nowhere"),
         (["--out", "crane.png", "--size", "0", "100"], "--size 0 100"),
     ],

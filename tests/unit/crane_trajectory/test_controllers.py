@@ -269,7 +269,7 @@ def test_only_laws_that_do_not_adapt_learn_a_motion() -> None:
                 learning(name, made, PERIOD)
 
 
-def test_joints_led_by_the_model_are_kept_within_a_tenth() -> None:
+def test_joints_controlled_by_a_model_stay_within_a_tenth() -> None:
     tuning = Tuning(GAINS, 1.0, np.array([0.2, 0.1]))
     tight = tuning.tightened(np.array([True, False]))
     np.testing.assert_allclose(tight.tolerance, [0.02, 0.1])

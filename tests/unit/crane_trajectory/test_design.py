@@ -107,7 +107,7 @@ def test_campaign_writes_trajectories_with_figures_of_merit_and_pictures(tmp_pat
         assert "--after excitation_20s.yaml --out two." in trajectory.provenance
         assert str(tmp_path) not in trajectory.provenance
         assert f"written: {file}" in printed
-        assert "in 5 periods of each, 30 s long, the crane moves for 2.6 min" in printed
+        assert "5 periods of 30 s for each trajectory: the crane moves for 2.6 min" in printed
         colours, size = drawn(file.with_suffix(".png"))
         assert colours > 100
         assert size == (1320, 900)
@@ -125,7 +125,7 @@ def test_sweeps_are_written_with_a_picture(tmp_path, capsys):
     assert "design --sweeps 0.3 0.9 --dwell 1 --out sweeps.yaml" in sweeps.provenance
     told = capsys.readouterr().out
     minutes = (sweeps.period + 8.0) / 60.0
-    assert f"period {sweeps.period:.1f} s, in which the crane moves for {minutes:.1f} min" in told
+    assert f"one period of {sweeps.period:.1f} s: the crane moves for {minutes:.1f} min" in told
     assert main(["--sweeps", "0.3", "--out", str(out)]) == 1
     assert "sweeps.yaml: exists; name another place, or --replace" in capsys.readouterr().err
     assert load_trajectory(out) == sweeps

@@ -231,7 +231,7 @@ def test_the_motion_designed_discriminates_better_than_that_of_an_excitation(
     before = PlannedExperiment(MODEL, [PlannedRecording(EXCITATION, 3)], NOISE, ROW_RATE)
     usual = min(before.separation(LOAD_FRICTION, effect) for effect in (WORN, PRESLIDING))
     assert len(plan_["separations"]) == 3
-    assert [separation["told"] for separation in plan_["separations"]] == [3.0, 5.0, None]
+    assert [separation["so_far"] for separation in plan_["separations"]] == [3.0, 5.0, None]
     assert min(separation["predicted"] for separation in plan_["separations"]) > usual
     assert all(separation["discriminated_by"] == "" for separation in plan_["separations"])
     said = capsys.readouterr().out
@@ -275,7 +275,7 @@ def test_nothing_open_needs_no_motion(
     assert not (tmp_path / "discriminate.yaml").exists()
 
 
-def test_what_cannot_be_foretold_is_said_and_the_rest_is_designed_for(
+def test_what_cannot_be_predicted_is_said_and_the_rest_is_designed_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nobody knows how warm the oil will be."""

@@ -327,7 +327,7 @@ def test_a_controller_that_stops_ends_the_experiment(
     ends_well(crane)
 
 
-def test_what_befell_the_controller_on_the_way_is_told_at_the_end() -> None:
+def test_conditions_of_the_controller_are_reported_at_the_end() -> None:
     controller = Echo()
     crane = led_by(controller).until(6.0)
     lost = ControlCondition.PRESSURES_LOST

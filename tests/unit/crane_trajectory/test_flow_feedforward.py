@@ -146,7 +146,7 @@ def test_a_valve_that_does_not_answer_is_closed() -> None:
     assert not course.command[course.time > 2.0].any()
 
 
-def test_a_model_of_the_other_sense_ends_at_rest() -> None:
+def test_a_model_with_reversed_sign_ends_at_rest() -> None:
     course = Boom(controller(hydraulics(sense=-1.0))).run(3.0)
     assert course.condition[-1] is ControlCondition.WRONG_MODEL
     assert not course.command[-20:].any()
@@ -196,7 +196,7 @@ def test_learns_dead_bands_and_gains() -> None:
     assert 1e-7 / c_b == pytest.approx(1e-7 / 0.94, rel=0.04)
 
 
-def test_what_is_learnt_is_bounded_and_says_so() -> None:
+def test_learned_values_are_bounded_and_reported() -> None:
     wrong = hydraulics(supply_a=5e-7, b_tank=5e-7, supply_b=5e-7, a_tank=5e-7)
     course = Boom(controller(wrong, adaptive=True)).run(3 * PERIOD)
     assert ControlCondition.ADAPTATION_AT_BOUND in course.had(0.0, 3 * PERIOD)

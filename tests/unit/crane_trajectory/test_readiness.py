@@ -28,13 +28,13 @@ def ready() -> Readiness:
 
 
 def test_nothing_is_known_at_first() -> None:
-    assert Readiness().lacking(TIMEOUT, NOW).startswith("no joint states come")
+    assert Readiness().lacking(TIMEOUT, NOW).startswith("no joint states arrive")
 
 
 def test_joint_states_that_stop_or_are_forgotten(ready: Readiness) -> None:
-    assert ready.lacking(TIMEOUT, NOW + 2 * TIMEOUT).startswith("no joint states come")
+    assert ready.lacking(TIMEOUT, NOW + 2 * TIMEOUT).startswith("no joint states arrive")
     ready.forget_states()
-    assert ready.lacking(TIMEOUT, NOW).startswith("no joint states come")
+    assert ready.lacking(TIMEOUT, NOW).startswith("no joint states arrive")
 
 
 @pytest.mark.parametrize("velocity", [MOVING, MOVING * np.nan], ids=["moving", "unknown"])

@@ -118,5 +118,5 @@ def test_designed_sweeps_can_be_run(designed):
 
 def test_no_clearance_is_refused():
     high = Clearance(gripper_length=9.0, ground_clearance=0.0, pillar_clearance=0.0)
-    with pytest.raises(RangeError, match="no pose within Table 2"):
+    with pytest.raises(RangeError, match="no pose within the joint limits"):
         design_sweeps(MACHINE, PLANAR_JOINTS, high, MARGINS, [0.5], 1.0, "none")

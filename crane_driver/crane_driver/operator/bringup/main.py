@@ -50,7 +50,7 @@ The steps, in this order, each with the driver running:
   pressures  offset of each pressure transducer, engine off and chambers vented
   valves     polarity of each valve
   dead_band  dead band of each valve in both directions
-  gains      first gains of the controller (36)
+  gains      first gains of the PD controller
 The last three move the crane, and give up only when a joint has moved by --travel: 0.2 rad are 1 m
 at the tip of a crane that reaches 5 m. Begin with --travel 0.05 --speed 0.02, the arm retracted.
 Each asks before anything moves, and writes a picture and YAML files into a new folder of --out.

@@ -238,8 +238,8 @@ def _followed(
 def _within(mover: Mover, command: float, limit: float) -> float:
     if command > limit:
         raise DataError(
-            f"{mover.joint} does not do it up to a command of {limit:g}; is the engine running, "
-            "the supply on, the driver enabled, the joint away from its limits (/diagnostics)? "
-            "Else allow more with --limit"
+            f"{mover.joint} does not move as asked up to a command of {limit:g}; is the engine "
+            "running, the supply on, the driver enabled, the joint away from its limits "
+            "(/diagnostics)? Else allow more with --limit"
         )
     return command

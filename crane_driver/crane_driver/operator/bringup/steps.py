@@ -97,8 +97,7 @@ def encoders(bench: Bench) -> None:
     terminal = bench.terminal
     terminal.say(
         "Encoder zero and sign. You move each joint by the levers of the crane itself; the driver\n"
-        "stays disabled. Nobody within reach of the crane but who moves it. Have at hand by what\n"
-        "the position of each joint is measured:"
+        "stays disabled. Nobody else within reach of the crane. Have the instruments ready:"
     )
     for joint in bench.joints:
         note = bench.notes[joint]

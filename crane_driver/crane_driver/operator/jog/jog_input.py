@@ -256,8 +256,8 @@ class KeyTerminal:
         self._input = sys.stdin.fileno()
         if not os.isatty(self._input):
             raise TerminalError(
-                "keys are read from a terminal, but standard input is none; start this in a "
-                "terminal, by itself, or jog with a joystick: --joy"
+                "keys are read from a terminal, but standard input is not a terminal; start jog "
+                "by itself in a terminal, or jog with a joystick: --joy"
             )
         self.closed = False  # the terminal has gone
 

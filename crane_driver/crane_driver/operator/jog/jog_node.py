@@ -194,7 +194,7 @@ class JogParameters(NamedTuple):
             index, sign = int(parameter.read(node)), int(self.sign[joint].read(node))
             if index in owners:
                 raise ConfigurationError(
-                    f"parameter '{parameter.name}': axis {index} is that of {owners[index]} already"
+                    f"parameter '{parameter.name}': axis {index} belongs to {owners[index]} already"
                 )
             if not sign:
                 raise ConfigurationError(
@@ -241,14 +241,14 @@ class Jog(Node):
         """Wait for the driver and become its publisher of commands; `JogError` if that fails."""
         until = time.monotonic() + self.clock.patience(constants.DRIVER_TIMEOUT_S)
         while not self._driver.ready:
-            self._wait(stop, until, self._driver.problem or "the services of the driver are away")
+            self._wait(stop, until, self._driver.problem or "no services of the driver")
         if others := publishers(self, "valve_command"):
             raise JogError(f"{', '.join(others)} commands the valves already; stop it first")
         self._publisher = self.create_publisher(ValveCommand, "valve_command", NEWEST_MESSAGE)
         while not self._publisher.get_subscription_count():
             self._wait(stop, until, "the driver takes no commands: is it active?")
         while not self.clock.known:  # no command is stamped before that
-            self._wait(stop, until, "/clock does not tell the time: is the driver active?")
+            self._wait(stop, until, "no time on /clock: is the driver active?")
         say_ready(self)
 
     def work(self) -> None:

@@ -95,7 +95,7 @@ class OperatorPanel(Node):
 
     async def stopped(self, address: str) -> Content:
         """A page without a line, as one that was refused, has pressed stop: the answer."""
-        self.get_logger().info(f"{STOP_REQUEST}: asked by a page without a line from {address}")
+        self.get_logger().info(f"{STOP_REQUEST}: requested by an unconnected page at {address}")
         answer: Content = plain((await self.asking.stop())._asdict())
         return answer
 
@@ -124,7 +124,7 @@ class OperatorPanel(Node):
     def _show(self, now: float) -> None:
         silent = self.pages.silent(now)
         for line in [line for line in self._lines if line.page in silent]:
-            line.hang_up("it does not show any more what it is sent")
+            line.hang_up("it no longer shows new data")
         if self._lines:
             picture = self._watch.picture() | {"lost_page": str(self.pages.lost or "")}
             for line in self._lines:
@@ -169,7 +169,7 @@ class _PageLine:
             case {"request": str(name)} if self._panel.asking.knows(name):
                 self._request(name)
             case _:
-                self.hang_up("it said what no page of this panel says")
+                self.hang_up("it sent an unknown message")
 
     def ended(self, why: str) -> None:
         self._panel.closed(self, why)
@@ -202,7 +202,7 @@ class _PageLine:
             refusal = "this page is not armed; give it the token first"
             self._answered(DriverAnswer(name, False, refusal))
             return
-        self._panel.get_logger().info(f"{name}: asked by the page from {self.page.address}")
+        self._panel.get_logger().info(f"{name}: requested by the page at {self.page.address}")
         self._panel.asking.ask(name, self._answered)
 
     def _answered(self, answer: DriverAnswer) -> None:

@@ -72,7 +72,7 @@ class IndependentPlant:
         """(j,) at the end of the last `advance` [rad/s2, m/s2]."""
 
     def advance(self, command: np.ndarray, duration: float) -> None:
-        """Run for `duration` [s] with spool commands (j,) in -1..1; positive moves a joint up.
+        """Run for `duration` [s] with valve commands (j,) in -1..1; positive moves a joint up.
 
         `RangeError` if a command is not finite, or a linkage was forced open.
         """

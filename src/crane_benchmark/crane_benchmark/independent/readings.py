@@ -29,7 +29,7 @@ _OFFSET = Magnitude("offset", "Pa", 5e4, 3e6)
 _GAIN = Magnitude("gain", "1", 0.02, 0.8)
 _DELAY = Magnitude("delay", "s", 0.01, 0.2)
 _TURNED = Magnitude("offset", "{coordinate}", 0.01, 0.2)
-_BOW = Magnitude("bow", "Pa", 5e4, 3e6)
+_DEVIATION = Magnitude("deviation", "Pa", 5e4, 3e6)
 _PICKED_UP = Magnitude("share", "1", 0.02, 0.5)
 ZERO_FORMS = (
     Form("pressure_offset", "lasting", of_chamber_a(lambda time, p, offset: p + offset),
@@ -78,20 +78,20 @@ READING_FORMS = (
          of_encoder(lambda q, offset, share: offset * (1.0 + share * q * np.abs(q))),
          _TURNED, (Draw("share", "1", -0.05, 0.05),), Where.TURNING, signed=True),
     # bent between the ends: by the sine, or its square
-    Form("transducer_bow", "bent",
-         of_chamber_a(lambda time, p, bow, exponent:
-                      p + bow * np.sin(np.pi * np.clip(p / FULL, 0.0, 1.0) ** exponent)),
-         _BOW, (Draw("exponent", "1", 0.6, 1.6),), outside=True, signed=True),
+    Form("transducer_nonlinearity", "bent",
+         of_chamber_a(lambda time, p, deviation, exponent:
+                      p + deviation * np.sin(np.pi * np.clip(p / FULL, 0.0, 1.0) ** exponent)),
+         _DEVIATION, (Draw("exponent", "1", 0.6, 1.6),), outside=True, signed=True),
     # a converter of which one bit is wrong: the reading climbs in rounded steps
-    Form("transducer_bow", "steps",
-         of_chamber_a(lambda time, p, bow, every:
-                      p + bow * np.tanh(3.0 * np.sin(2.0 * np.pi * p / every))),
-         _BOW, (Draw("every", "Pa", 1e6, 3e6),), outside=True),
+    Form("transducer_nonlinearity", "steps",
+         of_chamber_a(lambda time, p, deviation, every:
+                      p + deviation * np.tanh(3.0 * np.sin(2.0 * np.pi * p / every))),
+         _DEVIATION, (Draw("every", "Pa", 1e6, 3e6),), outside=True),
     # falls behind as the pressure rises
-    Form("transducer_bow", "saturating",
-         of_chamber_a(lambda time, p, bow, knee:
-                      p - bow * (np.maximum(p, 0.0) / (2.0 * knee)) ** 3),
-         _BOW, (Draw("knee", "Pa", 4e6, 8e6),), outside=True),
+    Form("transducer_nonlinearity", "saturating",
+         of_chamber_a(lambda time, p, deviation, knee:
+                      p - deviation * (np.maximum(p, 0.0) / (2.0 * knee)) ** 3),
+         _DEVIATION, (Draw("knee", "Pa", 4e6, 8e6),), outside=True),
     Form("crosstalk", "before", of_neighbour(1, -1, lambda time, a, b: a), _PICKED_UP,
          outside=True, signed=True),
     # changes alone, by the capacity between two cables

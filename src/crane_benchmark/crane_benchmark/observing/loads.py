@@ -32,7 +32,7 @@ COVERED = 0.90, 0.98  # share of the loads that lie in their 95 % interval
 CONFIDENCE = 1.96  # standard deviations
 LEAST_MOTION = 2.0  # s, in which a load was moved; the aims are for such
 BEFORE = 0.05  # s before a load changes, when it is read
-LOAD_COLUMNS = ("what", "aim", "lifts", "error, rms", "largest", "in their 95 % interval")
+LOAD_COLUMNS = ("quantity", "target", "lifts", "error, rms", "largest", "in their 95 % interval")
 
 
 class WeighedLift(NamedTuple):

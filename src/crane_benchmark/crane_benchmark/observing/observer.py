@@ -60,8 +60,9 @@ MACHINES: dict[str, tuple[Callable[[], Observed], tuple[float, ...], float]] = {
 """How it is made; aims with one encoder missing [rad, rad, m], and of the tip with all [m]."""
 PERIODS = 5  # of the excitation, for the identification
 OBSERVER_COLUMNS = (
-    "what", "aim", "position sensor", "worst recording", "smoothed", "flow alone", "without load",
-    "NEES", "its 95 % band", "recordings in their band", "in 95 % ellipsoid", "smoothed NEES",
+    "quantity", "target", "position estimator", "worst recording", "smoothed", "flow alone",
+    "without load", "NEES", "its 95 % band", "recordings in their band", "in 95 % ellipsoid",
+    "smoothed NEES",
 )  # fmt: skip
 
 
@@ -145,7 +146,7 @@ class FreedomWatch:
         return self._freedom.value
 
 
-# The position sensor on machines at work, beside flow alone and a filter that knows no load.
+# The position estimator on machines at work, beside flow alone and a filter that knows no load.
 
 
 class Errors(NamedTuple):
@@ -175,7 +176,7 @@ class Kind(NamedTuple):
         return full
 
 
-FILTER, FLOW, NO_LOAD = Kind("position sensor"), Kind("flow alone"), Kind("without load")
+FILTER, FLOW, NO_LOAD = Kind("position estimator"), Kind("flow alone"), Kind("without load")
 
 
 def heard(made: SimulatedRecording, model: Model, observed: Observed) -> HeardRecording:

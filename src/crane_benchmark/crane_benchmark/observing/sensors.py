@@ -57,7 +57,7 @@ MISSED = 1.8 * WITHIN  # s, where what was not found in time is drawn
 ALARMS = 0.1  # an hour, at most
 RIGHT = 0.9  # of what is found, at least
 LYING_STOPS = 0.99  # of the encoders that are found to lie, at least
-SENSOR_COLUMNS = ("what", "aim", "cases", "reached", "smallest", "median delay [s]")
+SENSOR_COLUMNS = ("quantity", "target", "cases", "reached", "smallest", "median delay [s]")
 LEARNING, WITHOUT, WITH = 10_000, 20_000, 30_000  # seeds, beside that of the command
 
 

@@ -98,11 +98,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         action="append",
         default=[],
         metavar="TARGET.PART.KIND[=SIZE]",
-        help="fault to try in a recording, as of make_bag, without its onset; may be repeated "
+        help="fault to try in a recording, as for make_bag, but without onset; may be repeated "
         "(default: each kind of one joint)",
     )
     parser.add_argument(
-        "--seed", type=cli.whole(0), default=1, help="of sensor noise (default: %(default)s)"
+        "--seed", type=cli.whole(0), default=1, help="seed of sensor noise (default: %(default)s)"
     )
     parser.add_argument("--replace", action="store_true", help="delete the folder first")
     return cli.run(lambda: _rehearse(RehearsalRequest(**vars(parser.parse_args(argv)))))

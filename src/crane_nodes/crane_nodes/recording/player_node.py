@@ -331,7 +331,7 @@ def _pass(player: Player, bag: Path, reader: Reader, selection: Selection, rate:
 def _parser() -> argparse.ArgumentParser:
     parser = command_line(
         prog="player",
-        description="Plays a bag (mcap or sqlite3) in its own rhythm, with the time of the "
+        description="Plays a bag (mcap or sqlite3) at its recorded rate, with the time of the "
         "bag on /clock. Header stamps are as recorded.",
         epilog="ROS arguments follow --ros-args. Valve commands can be looked at under another "
         "name: --ros-args -r /valve_command:=/recorded_command",

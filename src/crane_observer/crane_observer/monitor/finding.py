@@ -39,28 +39,28 @@ class Part(StrEnum):
 TRANSDUCERS = Part.PRESSURE_A, Part.PRESSURE_B  # each compared in the channel of its chamber
 ADVICE = {
     Part.ENCODER: {
-        Wrong.STUCK: "stop; look at the encoder's shaft, coupling and cable",
-        Wrong.JUMP: "stop; look at coupling and cable, then compare it with its mark",
-        Wrong.DRIFT: "stop; look at the coupling and the screws of its mounting",
-        Wrong.SCALE: "stop; look for counts that are lost, and at its setting",
-        Wrong.ERRATIC: "stop; look at coupling, mounting and cable",
-        Wrong.NOISE: "look at shield and earth of its cable",
+        Wrong.STUCK: "stop; check the encoder's shaft, coupling and cable",
+        Wrong.JUMP: "stop; check coupling and cable, then compare it with its mark",
+        Wrong.DRIFT: "stop; check the coupling and the screws of its mounting",
+        Wrong.SCALE: "stop; check for lost counts, and its setting",
+        Wrong.ERRATIC: "stop; check coupling, mounting and cable",
+        Wrong.NOISE: "check shield and earth of its cable",
         Wrong.BACKLASH: "tighten its mounting and coupling",
     },
-    Part.PRESSURES: {Wrong.SWAPPED: "change the two plugs over, or their names in the CAN mapping"},
+    Part.PRESSURES: {Wrong.SWAPPED: "swap the two plugs, or their names in the CAN mapping"},
     Part.VALVE: {
-        Wrong.STUCK: "stop; look at the valve's plug and its supply, then at its spool",
-        Wrong.SLOW: "look at oil temperature and pilot pressure, then at the spool",
-        Wrong.LEAKING: "look at the piston's seals; the cylinder passes oil",
-        Wrong.OPEN: "stop; look at the valve's null and its spool: oil passes it",
+        Wrong.STUCK: "stop; check the valve's plug and its supply, then its spool",
+        Wrong.SLOW: "check oil temperature and pilot pressure, then the spool",
+        Wrong.LEAKING: "check the piston's seals; the cylinder passes oil",
+        Wrong.OPEN: "stop; check the valve's null and its spool: oil passes it",
     },
 }
 TRANSDUCER_ADVICE = {
     Wrong.OFFSET: "depressurise and read its zero; set the zero or replace it",
-    Wrong.DRIFT: "depressurise and read its zero; replace it if it goes on",
+    Wrong.DRIFT: "depressurise and read its zero; replace it if the drift continues",
     Wrong.GAIN: "compare it with a gauge; replace it",
-    Wrong.STUCK: "look at its plug and cable; replace it",
-    Wrong.NOISE: "look at shield and earth of its cable",
+    Wrong.STUCK: "check its plug and cable; replace it",
+    Wrong.NOISE: "check shield and earth of its cable",
 }
 AFTERWARDS = "; do not identify from recordings since then"
 DISPLAYED = {

@@ -182,10 +182,10 @@ class PayloadEstimatorNode(ObserverNode):
             csv.writer(file).writerow(row)
 
 
-ABOUT = """Estimates the load at the tip from cylinder_pressures and joint_states, of a joint
-without encoder from position_estimate, by an identified model. Leaves out sensors that
-sensor_findings names, and, by a model with hydraulics, doubts an encoder that contradicts the flow
-of valve_output (without a driver that tells it valve_command). Publishes tip_load; ~/tare tares."""
+ABOUT = """Estimates the payload from cylinder_pressures and joint_states, by an identified model;
+for joints without encoder from position_estimate. Ignores faulty sensors of sensor_findings. With
+hydraulics, doubts an encoder that contradicts the flow of valve_output (without a driver:
+valve_command). Publishes tip_load; ~/tare tares."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -246,10 +246,10 @@ class PositionEstimatorNode(ObserverNode):
         ]
 
 
-ABOUT = """Estimates positions, velocities and the load at the tip from cylinder_pressures,
-valve_output (without a driver that tells it valve_command, while driver/state lets it through) and
-the encoders in joint_states that are left, by a model with hydraulics; if a valve is not
-identified, by the weight of the crane. Publishes joint_states_estimated and position_estimate."""
+ABOUT = """Estimates positions, velocities and the payload from cylinder_pressures, valve_output
+(without a driver: valve_command) and the remaining encoders in joint_states, by a model with
+hydraulics; if a valve is not identified, by the weight of the crane. Publishes
+joint_states_estimated and position_estimate."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -134,9 +134,9 @@ class SensorMonitorNode(ObserverNode):
         self._findings.publish(findings_message(self._watch.monitor.findings, self.zero or 0))
 
 
-ABOUT = """Compares encoders in joint_states, cylinder_pressures and valve_output (without a driver
-that tells it valve_command) by a model with hydraulics; by one without them, watches each sensor by
-itself. Publishes sensor_findings: which sensor is faulty, how, how much, since when, what to do."""
+ABOUT = """Compares encoders in joint_states, cylinder_pressures and valve_output (without a driver:
+valve_command) by a model with hydraulics; without hydraulics, checks each sensor on its own.
+Publishes sensor_findings: the faulty sensor, with kind and size of the fault, onset and remedy."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -50,16 +50,16 @@ class EstimatorCondition(Enum):
     GOOD = "good"
     PRESSURES_LOST = "pressures lost: positions drift until they are back"
     COMMANDS_LOST = "commands lost while a valve was open: it counts as closed"
-    SUPPLY_LOST = "supply is not measured any more: its last value counts"
-    ENCODER_LOST = "an encoder is lost: its joint goes on by flow and force"
+    SUPPLY_LOST = "supply is no longer measured: its last value is used"
+    ENCODER_LOST = "an encoder is lost: its position comes from flow and force"
     VALVES_UNKNOWN = (
         "a joint without encoder has a valve that is not identified: only its weight is used"
     )
     UNSERVED = (
-        "several joints without encoder have valves that are not identified: do not believe them"
+        "several joints without encoder have valves that are not identified: do not rely on them"
     )
     SEARCHING = "start not known: several poses are possible"
-    LOAD_IMPOSSIBLE = "forces ask for a load that cannot hang at the tip: do not believe it"
+    LOAD_IMPOSSIBLE = "the forces imply an impossible load at the tip: do not rely on it"
 
 
 class ReadingNoise:

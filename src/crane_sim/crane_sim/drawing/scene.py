@@ -103,9 +103,9 @@ class Scene:
             limits = machine.limits[joint]
             if not limits.position_min <= value <= limits.position_max:
                 raise RangeError(
-                    f"{joint}: {value:.6g} {machine.units[joint]} is outside "
-                    f"[{limits.position_min}, {limits.position_max}] of Table 2; "
-                    "the linkages are drawn within it"
+                    f"{joint}: {value:.6g} {machine.units[joint]} is outside its limits "
+                    f"[{limits.position_min}, {limits.position_max}]; "
+                    "the linkages are drawn within them"
                 )
         self.data.qpos[:] = chain_positions(machine, q)
         if self._detailed:

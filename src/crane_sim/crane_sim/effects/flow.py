@@ -14,7 +14,7 @@ from crane_sim.parts.cylinders import conductances, opening, port_flow
 
 (
     SOFT_OVERLAP, HARD_OVERLAP, UNEVEN_OVERLAP, PLAY, TWO_PLAYS, CREEPING_PLAY, TWO_GAINS, ONE_WAY,
-    BY_AND_BY,
+    GRADUAL,
 ) = range(FLOW, FLOW + 9)  # fmt: skip
 ORIFICE_LEAK, WIDENING_LEAK, WORN_LEAK = range(LEAKS, LEAKS + 3)
 HOSE_WALL, BRAID, LONG_HOSE, AIR, FOAM, DISSOLVING = range(SOFTNESS, SOFTNESS + 6)
@@ -87,7 +87,7 @@ def _gained(law: int, value: np.ndarray, x: float) -> float:
         return 1.0 + difference * math.tanh(x / about)
     if law == ONE_WAY:
         return 1.0 + 2.0 * difference if x > 0.0 else 1.0
-    if law == BY_AND_BY:
+    if law == GRADUAL:
         return 1.0 + difference * x / (abs(x) + about)
     raise ValueError(NO_BRANCH)
 
@@ -186,7 +186,7 @@ FLOW_FORMS = (
          (Draw("creep", "1", 1e-5, 1e-4),)),
     Form("valve_asymmetry", "two_gains", TWO_GAINS, _SHARE, (_CORNER,), signed=True),
     Form("valve_asymmetry", "one_way", ONE_WAY, _SHARE._replace(highest=0.45), signed=True),
-    Form("valve_asymmetry", "by_and_by", BY_AND_BY, _SHARE, (_CORNER,), signed=True),
+    Form("valve_asymmetry", "gradual", GRADUAL, _SHARE, (_CORNER,), signed=True),
     Form("internal_leakage", "orifice", ORIFICE_LEAK,
          Magnitude("conductance", "m3/(s Pa^0.5)", 1e-9, 1e-7)),
     Form("internal_leakage", "widening", WIDENING_LEAK, _LEAK,

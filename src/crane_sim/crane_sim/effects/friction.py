@@ -220,7 +220,7 @@ FRICTION_FORMS = (
          Where.SLIDING),
     Form("position_friction", "two_zones", TWO_ZONES, _SIZE, (_PLACE, _WIDTH), signed=True),
     Form("position_friction", "worn_zone", WORN_ZONE, _SIZE, (_PLACE, _WIDTH), signed=True),
-    Form("position_friction", "tilted_way", TILTED_GUIDE, _SIZE,
+    Form("position_friction", "tilted_guide", TILTED_GUIDE, _SIZE,
          (_PLACE, Draw("exponent", "1", 0.6, 1.6)), signed=True),
     Form("cyclic_friction", "triangle", TRIANGLE, _SIZE, (_WAVE, _PHASE)),
     Form("cyclic_friction", "rectified", RECTIFIED, _SIZE, (_WAVE, _PHASE)),

@@ -198,7 +198,7 @@ def faults(effects: Sequence[InjectedForm], machine: Machine) -> tuple[SensorFau
 _OFFSET = Magnitude("offset", "Pa", 5e4, 3e6)
 _GAIN_B = Magnitude("gain", "1", 0.02, 0.8)
 _TURNED = Magnitude("offset", "{coordinate}", 0.01, 0.2)
-_BOW, _SPAN = Magnitude("bow", "Pa", 5e4, 3e6), Draw("span", "Pa", 1.2e7, 2.0e7)
+_DEVIATION, _SPAN = Magnitude("deviation", "Pa", 5e4, 3e6), Draw("span", "Pa", 1.2e7, 2.0e7)
 _RIPPLE, _RATE = Magnitude("ripple", "Pa", 5e4, 3e6), Draw("frequency", "Hz", 1.0, 4.0)
 _ERROR = Magnitude("error", "{coordinate}", 0.01, 0.1)
 _DISK = (Draw("turns", "rad/{coordinate}", 6.0, 16.0), Draw("phase", "rad", 0.0, 2 * np.pi))
@@ -280,17 +280,18 @@ SENSING_FORMS = (
                                        1.5 + np.cos(turns * q + phase))),
          _ERROR, _DISK, Where.TURNING, outside=True),
     # bent in between two calibrated ends: one way, both ways, or from a knee on
-    Form("transducer_bow", "parabola",
-         of_chamber_a(lambda time, p, bow, span: p + 4.0 * bow * (p / span) * (1.0 - p / span)),
-         _BOW, (_SPAN,), outside=True, signed=True),
-    Form("transducer_bow", "cubic",
-         of_chamber_a(lambda time, p, bow, span:
-                      p + 20.8 * bow * (p / span) * (1.0 - p / span) * (0.5 - p / span)),
-         _BOW, (_SPAN,), outside=True, signed=True),
-    Form("transducer_bow", "knee",
-         of_chamber_a(lambda time, p, bow, knee, span:
-                      p - bow * np.maximum(p - knee, 0.0) / (span - knee)),
-         _BOW, (Draw("knee", "Pa", 3e6, 6e6), _SPAN), outside=True, signed=True),
+    Form("transducer_nonlinearity", "parabola",
+         of_chamber_a(lambda time, p, deviation, span:
+                      p + 4.0 * deviation * (p / span) * (1.0 - p / span)),
+         _DEVIATION, (_SPAN,), outside=True, signed=True),
+    Form("transducer_nonlinearity", "cubic",
+         of_chamber_a(lambda time, p, deviation, span:
+                      p + 20.8 * deviation * (p / span) * (1.0 - p / span) * (0.5 - p / span)),
+         _DEVIATION, (_SPAN,), outside=True, signed=True),
+    Form("transducer_nonlinearity", "knee",
+         of_chamber_a(lambda time, p, deviation, knee, span:
+                      p - deviation * np.maximum(p - knee, 0.0) / (span - knee)),
+         _DEVIATION, (Draw("knee", "Pa", 3e6, 6e6), _SPAN), outside=True, signed=True),
     Form("pressure_ripple", "pump",
          of_transducers(lambda time, p, *values: p + _pumped(time, 1.0, 0.0, *values),
                         lambda time, p, *values: p + _pumped(time, 0.4, 1.0, *values)),

@@ -164,7 +164,7 @@ def advance(
     step: float,
     count: int,
 ) -> None:
-    """`count` steps of `step` [s] with spool commands (j,) in -1..1.
+    """`count` steps of `step` [s] with valve commands (j,) in -1..1.
 
     Oil flows through the opening that a spool has in the middle of a step, in the mean.
     """
@@ -292,7 +292,7 @@ class Plant:
         self._state = self._at_rest(np.array(q0, dtype=float))
 
     def advance(self, command: np.ndarray, duration: float) -> None:
-        """Run for `duration` [s] with spool commands (j,) in -1..1; positive moves a joint up.
+        """Run for `duration` [s] with valve commands (j,) in -1..1; positive moves a joint up.
 
         Steps are equal and at most `parameters.step`. `RangeError` if a command is not finite, or
         the crane was driven out of the range in which its linkages can be assembled.
@@ -413,5 +413,5 @@ def _check_pose(machine: Machine, q0: np.ndarray) -> None:
         if not limits.position_min <= q0[i] <= limits.position_max:
             raise RangeError(
                 f"{joint}: the plant cannot start at {q0[i]:.6g} {machine.units[joint]}, outside "
-                f"[{limits.position_min}, {limits.position_max}] of Table 2"
+                f"its limits [{limits.position_min}, {limits.position_max}]"
             )

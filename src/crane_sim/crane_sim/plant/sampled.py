@@ -43,7 +43,7 @@ class MachineInMotion(Protocol):
         """Pa."""
 
     def advance(self, command: np.ndarray, duration: float) -> None:
-        """Run for `duration` [s] with spool commands (j,) in -1..1; positive moves a joint up."""
+        """Run for `duration` [s] with valve commands (j,) in -1..1; positive moves a joint up."""
 
     def leak(self, passed: np.ndarray) -> None:
         """From now on pistons let (j,) more oil through, m3/(s Pa); `RangeError` if none can."""

@@ -16,7 +16,7 @@ TEXTS = [
     *(Fault(kind, "detail", "boom").line for kind in FaultKind),
     *(state.remedy for state in SafetyState),
     *(f"not enabled: the state is {one}; {one.cause}; {one.remedy}" for one in SafetyState),
-    "boom goes on by position_estimate; call reset_fault and enable",
+    "boom now uses position_estimate; call reset_fault and enable",
 ]
 
 

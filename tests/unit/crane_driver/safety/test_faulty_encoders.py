@@ -52,7 +52,7 @@ def test_it_is_not_enabled_before_the_monitor_forgets() -> None:
     assert state_of(bench) is SafetyState.FAULT
 
 
-def test_what_was_found_before_the_driver_began_is_told_and_not_heeded() -> None:
+def test_a_finding_older_than_the_driver_is_reported_and_ignored() -> None:
     bench = Bench().moving()
     bench.it.encoders_found_faulty(FOUND, before=True)
     assert state_of(bench) is SafetyState.ENABLED

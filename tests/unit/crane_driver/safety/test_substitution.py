@@ -73,7 +73,7 @@ def test_a_lost_encoder_needs_a_substitute_that_is_told() -> None:
     bench.it.substitute(SUBSTITUTED)
     bench.run(1.0)
     assert state_of(bench) is SafetyState.OFFLINE
-    assert f"{SUBSTITUTED}: no estimate of its position has come" in bench.it.cause
+    assert f"{SUBSTITUTED}: no estimate of its position has arrived" in bench.it.cause
     told(bench, 1.0)
     assert state_of(bench) is SafetyState.DISABLED
     bench.it.enable(bench.now)
@@ -132,7 +132,7 @@ def test_degraded_motion_is_slow() -> None:
     assert fastest < 2.0 * DEGRADED.speed * limits.velocity_max
 
 
-def test_limits_of_position_are_kept_for_the_worst_that_the_estimate_may_be() -> None:
+def test_position_limits_hold_for_the_worst_possible_estimate() -> None:
     limit = MACHINE.limits[SUBSTITUTED].position_max
     at = limit - constants.LIMIT_MARGIN - constants.CAUTION_SIGMAS * SURE
     assert told(degraded(Bench()), 0.5, {SUBSTITUTED: 1.0}, position=at + 1e-4) == 0.0
@@ -151,7 +151,7 @@ def test_an_estimate_that_comes_late_is_a_fault() -> None:
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf])
-def test_an_estimate_that_is_no_number_is_missed(wrong: float) -> None:
+def test_an_estimate_that_is_not_a_number_is_missing(wrong: float) -> None:
     bench = degraded(Bench())
     told(bench, DEGRADED.timeout + 2 * CYCLE, {SUBSTITUTED: 0.0}, position=wrong)
     assert fault_of(bench).kind is FaultKind.ESTIMATE
@@ -176,7 +176,7 @@ def test_estimates_that_come_out_of_order_change_nothing() -> None:
         assert state_of(bench) is SafetyState.DEGRADED
 
 
-def test_an_estimate_that_is_not_sure_is_a_fault_and_keeps_the_crane_from_being_enabled() -> None:
+def test_an_uncertain_estimate_is_a_fault_and_prevents_enabling() -> None:
     bench, limit = degraded(Bench()), DEGRADED.deviation[SUBSTITUTED]
     told(bench, 0.5, {SUBSTITUTED: 0.0}, deviation=0.99 * limit)
     assert state_of(bench) is SafetyState.DEGRADED

@@ -90,5 +90,5 @@ def test_what_is_left_elsewhere_is_said_beside_the_names() -> None:
     )
     place = {"joint": "telescope", "relative_magnitude": 0.0123}
     assert unknown_title({"unknown": place, "findings": [{}]}).startswith(
-        "What more there is may depend"
+        "What the remaining error may depend"
     )

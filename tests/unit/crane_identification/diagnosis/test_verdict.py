@@ -294,5 +294,5 @@ def test_a_load_that_a_held_out_recording_alone_carries_is_named(
     loads = (Weighed("bag 7", 6.6, 0.01, found=True), Weighed("bag 8", 0.0, 0.01, found=False))
     said = with_loads(answer(seen=gap(before, after, training=0.0006)), loads)
     assert said.verdict is expected
-    assert "bag 7 carries 6.6 kg more than the recordings trained on" in said.reason
+    assert "bag 7 carries 6.6 kg more than the training recordings" in said.reason
     assert "bag 8" not in said.reason

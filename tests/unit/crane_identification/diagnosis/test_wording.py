@@ -105,7 +105,7 @@ def text(said: dict[str, Any]) -> str:
 def test_the_proof_comes_before_what_was_found() -> None:
     lines = text(content("named", finding())).splitlines()
     assert lines[0] == (
-        "Something is missing, and these recordings say what: load-dependent joint friction "
+        "Something is missing, and these recordings show what: load-dependent joint friction "
         "(outer boom)."
     )
     assert lines[2].startswith("Held-out error of the force, before → after")
@@ -150,8 +150,8 @@ def test_noise_sits_nowhere(verdict: str) -> None:
 
 def test_regions_have_units_that_people_read() -> None:
     said = text(content("unknown"))
-    assert "53 % of it with pressure sum of the outer boom in 204 to 224 bar" in said
-    assert "with time in 1.0 to 9.0 s" in said
+    assert "53 % of it with the pressure sum of the outer boom from 204 to 224 bar" in said
+    assert "with the time from 1.0 to 9.0 s" in said
     assert "outer_boom" not in said
 
 
@@ -201,8 +201,8 @@ def test_what_is_left_beside_names_is_said() -> None:
     left |= {"beyond_noise": True, "region": PRESSURE}
     said = text(content("named_and_more", finding(), left={"outer_boom": left}))
     assert (
-        "What is left: a systematic residual on the outer boom (30 % of the energy there, "
-        "most with pressure sum of the outer boom in 204 to 224 bar)." in said
+        "Remaining: a systematic residual on the outer boom (30 % of the energy there, "
+        "most with the pressure sum of the outer boom from 204 to 224 bar)." in said
     )
 
 
@@ -216,7 +216,7 @@ def test_nothing_is_left_out_without_a_word() -> None:
     assert "9. load-dependent" in said
     assert (
         "Not printed: errors of the simulated motion, effects that the parameters of the model "
-        "absorb (2), joints with a balance of the flow (1); see report.html" in said
+        "absorb (2), joints with a flow balance (1); see report.html" in said
     )
 
 
@@ -231,9 +231,7 @@ def test_what_exceeds_the_scatter_between_periods_is_not_called_noise() -> None:
         "inner_boom": left | {"beyond_noise": False},
         "outer_boom": left | {"beyond_noise": True},
     }
-    assert "What is left: more than noise on the outer boom." in text(
-        content("unknown", left=joints)
-    )
+    assert "Remaining: more than noise on the outer boom." in text(content("unknown", left=joints))
 
 
 def test_a_load_of_one_recording_says_where_it_is_carried() -> None:

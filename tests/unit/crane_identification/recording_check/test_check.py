@@ -72,7 +72,7 @@ def spoilt() -> list:
             f"pressure sign {joint}": (
                 lambda x, j=j: each(x, PRESSURES, column(j, np.negative)),
                 f"pressures of the {joint}",
-                "sign is turned",
+                "sign is reversed",
             ),
         }
         for name, letter in zip(PRESSURES, "AB", strict=True):
@@ -215,7 +215,7 @@ MILD = {
     "command sign": (
         lambda x: each(x, ("command",), np.negative),
         "valve command of the telescope",
-        "sign is turned",
+        "sign is reversed",
     ),
     "zero of an encoder": (
         lambda x: each(x, ("position",), column(OUTER, lambda q: q + 0.3)),
@@ -343,7 +343,7 @@ def test_too_few_samples_are_wrong(machine: Machine, good: Log) -> None:
 def test_an_effort_of_zeros_is_none(machine: Machine, good: Log) -> None:
     log = each(with_forces(machine, good), ("force",), column(OUTER, np.zeros_like))
     (found,) = check(machine, log).decisive
-    assert found.where.startswith("outer boom") and "zeros" in found.cause
+    assert found.where.startswith("outer boom") and "all readings are zero" in found.cause
 
 
 def test_an_encoder_that_is_frozen_from_the_first_sample(machine: Machine, good: Log) -> None:

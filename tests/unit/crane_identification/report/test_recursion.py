@@ -37,7 +37,7 @@ def test_without_it_there_is_nothing(report):
     assert recursive_errors(report) == []
     assert settling_figures(report) == []
     assert summary.summarize(report).recursive is None
-    assert "How it settles" not in page.render(report)
+    assert "Convergence" not in page.render(report)
 
 
 def test_rows_hold_both_estimates_and_how_far_they_are_apart(settled):

@@ -140,7 +140,7 @@ def test_a_load_differs_from_what_the_same_one_is_taken_for_now(mass: float, dif
 
 
 def test_less_than_nothing_does_not_hang_there() -> None:
-    """Of two that foretell as well, the one that would pull upwards is the less likely."""
+    """Of two that predict as well, the one that would pull upwards is the less likely."""
     heavy, floating = LoadFilter(ModelDoubt(), 3), LoadFilter(ModelDoubt(), 3)
     for load_filter, mass in ((heavy, 40.0), (floating, -40.0)):
         load_filter.x[MASS], load_filter.P[MASS, MASS] = mass, 5.0**2
@@ -149,7 +149,7 @@ def test_less_than_nothing_does_not_hang_there() -> None:
 
 
 def test_the_same_load_with_other_errors_crowds_out_no_load_that_comes() -> None:
-    """As after a start that nothing explained: what begins later foretells all that follows better,
+    """As after a start that nothing explained: what begins later predicts all that follows better,
     and says the same load.
     """
     rng = np.random.default_rng(2)
@@ -178,7 +178,7 @@ def test_what_may_have_happened_beside_widens_what_is_told() -> None:
 
 
 def test_what_is_told_is_the_mean_over_what_may_have_come() -> None:
-    """By Bayes: a load that foretells a hundred times better, and comes once in a hundred windows,
+    """By Bayes: a load that predicts a hundred times better, and comes once in a hundred windows,
     is as likely as the same load; noticed it is not yet.
     """
     changes = LoadHypothesis(ModelDoubt(), 3)

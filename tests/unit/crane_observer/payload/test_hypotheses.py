@@ -104,7 +104,7 @@ def test_what_one_history_weighs_well_several_do(seed: int) -> None:
 
 
 def test_the_mean_over_all_histories_is_told() -> None:
-    """By Bayes: of two that foretold as well, neither is told as sure; of one that foretold a
+    """By Bayes: of two that predicted as well, neither is told as sure; of one that predicted a
     thousand times worse, little.
     """
     even = side_by_side(history(20.0, 1.0), history(40.0, 1.0)).load

@@ -49,11 +49,11 @@ function connect() {
 function lose(reason, refused) {
   socket = null;
   document.body.classList.add("lost");
-  const since = last ? ` What you see is of ${last}.` : "";
+  const since = last ? ` Values shown are from ${last}.` : "";
   why = refused ? "" : reason || why;
   $("loss").textContent = refused
     ? `This page is not live: ${reason}.${since} Stop works from here, too.`
-    : `The line to the panel is lost${why && `: ${why}`}.${since} Stop does not work from here: use the machine’s emergency stop.`;
+    : `The connection to the panel is lost${why && `: ${why}`}.${since} Stop does not work from here: use the machine’s emergency stop.`;
   document.title = refused ? "NOT LIVE" : "LOST";
   if (live) {
     Object.values(waiting).forEach(clearTimeout);
@@ -91,7 +91,7 @@ function usable(connected) {
 
 function ask(name) {
   if (!say({ request: name }) && name === "stop") stopWithoutLine();
-  answer(`${name}: asked …`, false);
+  answer(`${name}: requested …`, false);
   clearTimeout(waiting[name]);
   waiting[name] = setTimeout(() => {
     answer(`${name}: no answer yet. Use the machine’s emergency stop if the crane must stop.`, true);
@@ -102,7 +102,7 @@ async function stopWithoutLine() {
   try {
     answered(await (await fetch("stop", { method: "POST" })).json());
   } catch {
-    answered({ answer: "stop", success: false, message: "the panel cannot be asked. Use the machine’s emergency stop." });
+    answered({ answer: "stop", success: false, message: "the panel does not answer. Use the machine’s emergency stop." });
   }
 }
 
@@ -152,7 +152,7 @@ function show(picture) {
   $("state").dataset.tone = TONES[state.number] || "idle";
   document.title = `${state.word} – ${picture.machine}`;
   $("unknown_joints").hidden = picture.unknown_joints.length === 0;
-  text("unknown_joints", `Readings come for ${picture.unknown_joints.join(", ")}, which this machine does not have: give the panel the driver’s machine.`);
+  text("unknown_joints", `Readings arrive for ${picture.unknown_joints.join(", ")}, which this machine does not have: give the panel the driver’s machine.`);
   build(picture);
   picture.joints.forEach(showJoint);
   if (picture.pressures) showPressures(picture.pressures);
