@@ -136,8 +136,10 @@ def test_drawing_adds_no_mass_and_no_contact(scene: Scene, simulated: SimulatedC
     assert scene.data.ncon == 0
 
 
-def test_pose_outside_table_2_is_refused(scene: Scene) -> None:
-    with pytest.raises(RangeError, match=r"outer_boom: 0\.2 rad is outside \[-2\.7, -0\.1\]"):
+def test_pose_outside_the_joint_limits_is_refused(scene: Scene) -> None:
+    with pytest.raises(
+        RangeError, match=r"outer_boom: 0\.2 rad is outside its limits \[-2\.7, -0\.1\]"
+    ):
         scene.set_pose(np.array([0.0, 0.3, 0.2, 0.4]))
 
 
