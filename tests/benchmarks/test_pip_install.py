@@ -44,7 +44,13 @@ def test_fit_of_a_bag_where_there_is_no_ros(tmp_path: Path) -> None:
     trajectory = machine_file("excitation_20s.yaml")
     assert make_bag(["--trajectory", str(trajectory), "--periods", "3", "--out", str(bag)]) == 0
     model = machine_file("model.yaml")
-    command = [environment / "bin" / "crane-identify", "--model", model, "--train", bag]
+    command: list[str | Path] = [
+        environment / "bin" / "crane-identify",
+        "--model",
+        model,
+        "--train",
+        bag,
+    ]
     names = ("PYTHONPATH", "AMENT_PREFIX_PATH")
     without_ros = {key: value for key, value in os.environ.items() if key not in names}
     out = tmp_path / "fit"
