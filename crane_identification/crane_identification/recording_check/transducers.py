@@ -129,10 +129,14 @@ def transducers(log: Log) -> Iterator[Suspicion]:
     """Readings that stay the same while the joint moves; needs neither units nor a machine.
 
     Readings in coarse steps stay the same by themselves: of these, a plateau is suspicious only
-    if the other sensors expect a change there.
+    if the other sensors expect a change there. All pressures show how fine their transducers are:
+    a chamber whose pressure hardly changes has few steps, and may have a fine one.
     """
     yield from _encoders(log)
     coarse: dict[str, list[str]] = defaultdict(list)
+    pressures = [signal.value for signal in (log.pressure_a, log.pressure_b) if signal]
+    finite = [values[np.isfinite(values)] for values in pressures]
+    widest = max((float(np.ptp(values)) for values in finite if len(values)), default=0.0)
     for name, signal in (
         ("chamber A", log.pressure_a),
         ("chamber B", log.pressure_b),
@@ -153,7 +157,8 @@ def transducers(log: Log) -> Iterator[Suspicion]:
             long = _plateaus(column)
             if 0.0 < steps < limits.COARSE_STEPS:
                 long &= _unexpected(log, signal, j, column, long)
-                coarse[_size(log, name, step)].append(column.where)
+                if widest < limits.COARSE_STEPS * step:
+                    coarse[_size(log, name, step)].append(column.where)
             yield from _still(column, long)
     for size, where in coarse.items():
         yield Suspicion(

@@ -298,6 +298,16 @@ def test_coarse_transducers_are_called_coarse(machine: Machine, good: Log, step:
     assert suspicion.cause.startswith("coarse") and f"{step / 1e6:g} MPa" in suspicion.evidence
 
 
+def test_a_quiet_chamber_has_no_coarse_transducer(machine: Machine, good: Log) -> None:
+    """12 bits over 25 MPa, as all others, of which it uses some hundred steps."""
+
+    def quiet(p: np.ndarray) -> np.ndarray:
+        return p.mean() + 0.6e6 * (p - p.mean()) / np.ptp(p)
+
+    log = coarse(25e6 / 2**12)(each(good, ("pressure_b",), column(TELESCOPE, quiet)))
+    assert not [found for found in check(machine, log).suspicions if "coarse" in found.cause]
+
+
 @pytest.mark.parametrize("j", [INNER, OUTER, TELESCOPE])
 def test_a_coarse_transducer_may_be_stuck_as_well(machine: Machine, good: Log, j: int) -> None:
     log = each(coarse(0.1e6)(good), ("pressure_a",), column(j, stuck))
