@@ -32,7 +32,7 @@ class CheckRequest:
 
 
 def run(request: CheckRequest) -> None:
-    """Print what each recording looks like; `DataError` if one is wrong."""
+    """Print what each recording looks like; `DataError` if one is wrong or cannot be read."""
     # Imported here: they take seconds, and --help needs none of them.
     from crane_identification.data.sources import Sources
     from crane_identification.recording_check.check import check
@@ -55,15 +55,26 @@ def run(request: CheckRequest) -> None:
             f"{request.columns}: the joints {', '.join(columns.joints)} are not those of "
             "the laboratory crane, which is the default; give your machine by --model or --machine"
         )
+    checked: list[Checked] = []
+    faults: list[str] = []
     with ProgressBar() as progress, threadpool_limits(limits=1):
-        logs = Sources(model, columns, request.options, progress).read(request.recordings)
-        checked = [check(model.machine, log, model) for log in logs]
-    print("\n".join(line for recording in checked for line in _lines(recording)))
+        sources = Sources(model, columns, request.options, progress)
+        for path in request.recordings:
+            try:
+                (log,) = sources.read([path])
+            except DataError as error:  # the others are checked all the same
+                faults.append(str(error))
+            else:
+                checked.append(check(model.machine, log, model))
+    for recording in checked:
+        print("\n".join(_lines(recording)))
     if refused := [recording.source for recording in checked if recording.decisive]:
-        raise DataError(
+        faults.append(
             f"{', '.join(refused)}: every fit to this would be wrong; record again, or correct "
             "the column map or the machine file"
         )
+    if faults:
+        raise DataError("\n".join(faults))
 
 
 def _lines(checked: Checked) -> list[str]:

@@ -38,13 +38,16 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
 
 
 def test_check_recording_tells_one_from_the_other(
-    bags: tuple[str, str], capsys: pytest.CaptureFixture[str]
+    bags: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     good, bad = bags
     assert check_recording([good]) == 0
     assert capsys.readouterr().out == f"{good}: looks right\n"
-    assert check_recording(["--model", MODEL, good, bad]) == 1
+    absent = str(tmp_path / "absent")
+    assert check_recording(["--model", MODEL, absent, good, bad]) == 1
     told = capsys.readouterr()
+    assert f"{good}: looks right\n" in told.out
+    assert absent in told.err
     assert f"{bad}: looks wrong\n  wrong: {CAUSE}" in told.out
     assert bad in told.err and good not in told.err
 
