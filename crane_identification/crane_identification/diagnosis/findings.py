@@ -55,7 +55,7 @@ class FoundParameter(ResultPart):
     minimum: Number
     """Smallest value that physics allows [unit]."""
     determined: bool
-    """Whether the recordings determine it."""
+    """True if the recordings determine it."""
 
     @classmethod
     def of(
@@ -109,7 +109,7 @@ class FindingEntry(FoundEffect):
     """An effect that the model lacks, or an effect of flow or load."""
 
     changed: bool = False
-    """Whether a value of the model has changed; otherwise a term is missing."""
+    """True if a value of the model has changed, false if a term is missing."""
     ambiguity_group: list[FoundEffect] = []
     """Effects that these recordings cannot discriminate from this effect."""
     parameters: list[ChangedParameter | FoundParameter]
@@ -327,9 +327,9 @@ class LeftResidual(ResultPart):
     learnable_share: Number
     """Share of its energy that a flexible learner predicts [-]."""
     systematic: bool
-    """Whether this share exceeds chance."""
+    """True if this share exceeds chance."""
     beyond_noise: bool
-    """Whether the error is clearly larger than the noise floor."""
+    """True if the error is clearly larger than the noise floor."""
     region: FoundRegion | None
     """Region of the residual."""
 
@@ -365,7 +365,7 @@ class HydraulicQuantity(FoundParameter):
     usual_limit: Number
     """Limit of the usual range [unit]."""
     identified: bool = False
-    """Whether the limit follows from the identified value of the machine; otherwise from the data
+    """True if the limit follows from the identified value of the machine; otherwise from the data
     sheet.
     """
 
@@ -391,7 +391,7 @@ class Findings(ResultFile):
     reason: str
     """Reason for the verdict, in a sentence."""
     values_kept: bool
-    """Whether the values of the model were kept (`--fixed`)."""
+    """True if the values of the model were kept (`--fixed`)."""
     where: dict[str, FoundPlace]
     """Residual of the given model, by joint."""
     findings: list[FindingEntry]

@@ -212,9 +212,8 @@ def _left(fit: _Fit, mistakes: Sequence[_Mistake]) -> float:
 def _mistakes(fit: _Fit, left: float, factors: np.ndarray) -> tuple[list[_Mistake], float]:
     """The mistakes of all joints that explain the forces best, and what is left.
 
-    Of one step to the next, each mistake undone must explain much. Signs that only explain
-    something together are tried in one step, as the signs of the `factors` (j,), whose common one
-    is not known.
+    Each further mistake must explain much more of the forces. Some signs explain something only
+    together: they are tried in one step, as the signs of the `factors` (j,) and as their opposite.
     """
     joints = fit.model.joints
     found = [RIGHT] * len(joints)

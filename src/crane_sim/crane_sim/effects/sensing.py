@@ -140,7 +140,7 @@ def _pumped(
 
 
 def _two_pumps(time: np.ndarray, ripple: float, frequency: float, ratio: float) -> np.ndarray:
-    """Of two, each with a line of its own."""
+    """Pulsation of two pumps, each at its own frequency."""
     both = np.sin(2.0 * np.pi * frequency * time)
     return ripple * (both + 0.6 * np.sin(2.0 * np.pi * ratio * frequency * time + 1.0))
 
